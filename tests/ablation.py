@@ -95,7 +95,7 @@ SETTINGS = (
     Setting("schedule.sweep_tolerance", off=0.0),
     Setting("fairing.run.stepper.GAIN", off=0.0),
     Setting("fairing.run.phases.MAX_DISPLACEMENT"),
-    Setting("fairing.run.start_error.FAR_ERROR"),
+    Setting("fairing.run.fits.FAR_ERROR"),
     Setting("fairing.run.sweep.POINTS_VARIANCE"),
     Setting("fairing.cells.level_choice.FOOTPRINT_PER_BLUR"),
     Setting("fairing.options.FINE_BLUR"),

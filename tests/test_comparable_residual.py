@@ -49,7 +49,7 @@ def test_it_is_the_bounded_root_mean_square_of_the_residuals_of_the_cells(
     """Against the residuals that a look at a face shows, sample by sample."""
     problem = session.problem_under(OPTIONS)
     every = np.ones(len(session.scene.mesh.faces), dtype=bool)
-    context = problem.context_of(every, LEVEL, session.trace.start, OPTIONS, MARGIN)
+    context = problem.context_of(every, LEVEL, session.trace.start, MARGIN)
     for moment in (0, len(session.trace)):
         vertices = session.trace.vertices_at(moment)
         squares = weights = 0.0

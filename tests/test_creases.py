@@ -1,5 +1,6 @@
 """Creases: found where faces meet at an angle, measured against image edges, drawn to them by their term."""
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -14,6 +15,7 @@ from fairing.optimize.iteration import iterate
 from fairing.optimize.rows import Anchor, Rows
 from fairing.photo import ArrayPhoto
 from fairing.scene import View
+from fairing.solve.problem import CancellablePool
 from fairing.terms.image_edges import SEARCHES, image_edges
 from tests.fit_of_points import guard_of
 
@@ -185,11 +187,10 @@ def test_a_far_edge_is_found_by_the_wide_searches(views: list[View]):
 
 
 def test_the_term_does_not_depend_on_threads_and_stops_when_cancelled(views: list[View]):
-    def term(threads: int, **changes) -> Rows:
+    def term(threads: int, check: Callable[[], None] = lambda: None) -> Rows:
         with ThreadPoolExecutor(threads) as pool:
-            return image_edges(
-                views, ROOF + np.array([0.004, 0.0, 0.002]), ROOF_FACES, 1, SEARCHES[-1], pool, **changes
-            )
+            moved = ROOF + np.array([0.004, 0.0, 0.002])
+            return image_edges(views, moved, ROOF_FACES, 1, SEARCHES[-1], CancellablePool(pool, check))
 
     one, several = term(1), term(3)
     for name in ("ids", "derivatives", "residuals", "information"):
@@ -199,7 +200,7 @@ def test_the_term_does_not_depend_on_threads_and_stops_when_cancelled(views: lis
         raise Cancelled
 
     with pytest.raises(Cancelled):
-        term(1, raise_if_cancelled=cancelled)
+        term(1, cancelled)
 
 
 def test_without_creases_the_term_is_empty(views: list[View]):

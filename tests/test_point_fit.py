@@ -13,7 +13,7 @@ from fairing.mesh import Mesh
 from fairing.optimize.rows import Rows
 from fairing.options import FINE_BLUR, PRESETS, FairingOptions
 from fairing.run.fits import points_on_mesh
-from fairing.run.gauss_newton_step import gauss_newton_step
+from fairing.run.gauss_newton_step import judge, propose
 from fairing.run.phases import Level
 from fairing.run.planning import FAR_ERROR, points_accept_smoothing
 from fairing.run.records import held_out_points_prefer
@@ -342,7 +342,8 @@ def test_a_vertex_goes_no_farther_from_its_origin_than_the_phase_allows():
         for _ in range(4):
             sweep = begin_sweep(problem, Level(1, 0.1), phase, 0, vertices, start)
             for block in sweep.blocks:
-                step = gauss_newton_step(problem, sweep, block, SchedulePosition(1, 0, 0, 0), vertices, None, None)
+                proposal = propose(problem, sweep, block, vertices, None, None)
+                step = judge(problem, sweep, block, SchedulePosition(1, 0, 0, 0), vertices, proposal)
                 vertices = step.record.applied_to(vertices)
         moved.append((np.linalg.norm(vertices - start, axis=1) * sweep.pixels_per_unit).max())
     free, bounded = moved

@@ -40,9 +40,7 @@ def run_of(order: str, plan: RunPlan = PLAN, preset: str = "accurate", damped: b
 
 
 def face_systems(session: Session, sweep: SweepState, vertices: np.ndarray):
-    faces = np.arange(len(FACES))
-    problem = session._problem
-    return problem.linearise(sweep.context, vertices, faces, np.full(len(faces), -1), sweep.scale)
+    return session._problem.linearise(sweep.context, vertices, sweep.scale)
 
 
 def dense_terms(session: Session, moment: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:

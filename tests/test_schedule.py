@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from fairing.options import FINE_BLUR, PRESETS, FairingOptions
-from fairing.run.phases import Level, Schedule, schedule_of
-from fairing.run.schedule import fraction_done, most_blocks, next_position
+from fairing.run.phases import Level, Schedule, most_blocks, schedule_of
 from fairing.run.stages import Judge, Photos, PointGates, Stage, fit_stages, numbered
 from fairing.run_plan import RunPlan
 from fairing.stage_kind import StageKind
@@ -38,7 +37,7 @@ def walk(level: Level, longest_move: float) -> tuple[str, SchedulePosition]:
     position, letters = SchedulePosition(LEVEL, 0, 0, 0), ""
     while position.level == LEVEL:
         letters += LETTERS[level.stage_at(position.sweep).kind]
-        position = next_position(level, position, True, 1, lambda: longest_move)
+        position = level.position_after(position, True, 1, lambda: longest_move)
     return letters, position
 
 
@@ -63,7 +62,7 @@ def test_within_a_sweep_iterations_come_first_then_blocks():
     position, seen = SchedulePosition(0, 0, 0, 0), []
     while position.level == 0:
         seen.append(tuple(position[1:]))
-        position = next_position(level, position, position.block == 1, 3, lambda: 9.0)
+        position = level.position_after(position, position.block == 1, 3, lambda: 9.0)
     assert seen == [
         (sweep, block, k) for sweep in range(2) for block in range(3) for k in range(1 if block == 1 else 3)
     ]
@@ -73,13 +72,13 @@ def test_a_sweep_beyond_the_last_stage_ends_the_level():
     """A branch with fewer sweeps than the run it comes from."""
     level = level_of(FIT, gauss_newton(2))
     assert level.stage_at(7) == level.stages[-1]
-    assert next_position(level, SchedulePosition(LEVEL, 7, 0, 0), True, 1, lambda: 9.0) == (LEVEL + 1, 0, 0, 0)
+    assert level.position_after(SchedulePosition(LEVEL, 7, 0, 0), True, 1, lambda: 9.0) == (LEVEL + 1, 0, 0, 0)
 
 
 def test_a_sweep_that_no_stage_has_is_one_of_photos_and_the_judge_of_the_end_follows():
     level = level_of(FIT, gauss_newton(2), END)
     assert level.stage_at(7) == level.stages[1]
-    assert next_position(level, SchedulePosition(LEVEL, 7, 0, 0), True, 1, lambda: 9.0) == (LEVEL, 3, 0, 0)
+    assert level.position_after(SchedulePosition(LEVEL, 7, 0, 0), True, 1, lambda: 9.0) == (LEVEL, 3, 0, 0)
 
 
 def plan(**changes) -> RunPlan:
@@ -173,12 +172,12 @@ def test_progress_rises_from_0_to_1_along_the_schedule():
     )
     schedule, position, fractions, of_photos = Schedule(levels, 0), SchedulePosition(0, 0, 0, 0), [], []
     while position.level < 2:
-        fractions.append(fraction_done(schedule, position, lambda stage: 3))
+        fractions.append(schedule.fraction_done(position, 3))
         if isinstance(levels[position.level].stage_at(position.sweep), Photos):
             of_photos.append(fractions[-1])
         n_blocks = 3 if isinstance(levels[position.level].stage_at(position.sweep), Photos) else 1
-        position = next_position(levels[position.level], position, False, n_blocks, lambda: 9.0)
-    fractions.append(fraction_done(schedule, position, lambda stage: 3))
+        position = levels[position.level].position_after(position, False, n_blocks, lambda: 9.0)
+    fractions.append(schedule.fraction_done(position, 3))
     assert fractions == sorted(fractions)
     assert (fractions[0], fractions[-1]) == (0.0, 1.0)
     assert len(of_photos) == 2 * 3 * 3 + 2 * 3 * 3
@@ -187,7 +186,7 @@ def test_progress_rises_from_0_to_1_along_the_schedule():
 
 def test_a_sweep_without_blocks_has_a_progress():
     schedule = Schedule((Level(0, stages=(gauss_newton(2, 3),)),), 0)
-    assert 0 <= fraction_done(schedule, SchedulePosition(0, 0, 0, 1), lambda stage: 0) < 1
+    assert 0 <= schedule.fraction_done(SchedulePosition(0, 0, 0, 1), 0) < 1
 
 
 def test_the_number_of_blocks_is_bounded_by_the_order():

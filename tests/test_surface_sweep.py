@@ -13,7 +13,7 @@ from fairing.features import surface_sweep
 from fairing.features.points import FeaturePoints
 from fairing.features.surface_sweep import HALF_WINDOW, SurfaceSweep
 from fairing.photo import ArrayPhoto, Mask
-from fairing.run import fits, start_error
+from fairing.run import fits
 from fairing.run.session import Session
 from fairing.scene import Scene, SparsePoints
 from fairing.stage_kind import StageKind
@@ -165,10 +165,10 @@ def test_points_are_sought_near_large_faces_and_starts_that_the_points_move_far(
 
     near = (0.001, 0.0, 0.0)
     monkeypatch.setattr(SurfaceSweep, "points", points)
-    assert searches(near) == [start_error.FAR_ERROR]
+    assert searches(near) == [fits.FAR_ERROR]
     monkeypatch.setattr(fits, "typical_footprint", lambda *_: 0.0)  # px: small faces
     assert searches(near) == []
     monkeypatch.setattr(fits, "FAR_PART", 1 / 7)  # the corner alone
     first, second = searches(FAR)
-    assert first > second >= max(first / 2, start_error.FAR_ERROR)
+    assert first > second >= max(first / 2, fits.FAR_ERROR)
     assert searches(near) == []

@@ -66,10 +66,8 @@ class CellContext:
         """(P,) values of the pairs' faces, from (m,) values by face."""
         return np.repeat(face_values, np.diff(self.kernel.pair_start))
 
-    def sum_by_view(self, pair_values: np.ndarray, face_mask: np.ndarray | None = None) -> np.ndarray:
-        """(V,) float: sums of (P,) values by view, over all faces or those of a mask (m,) bool."""
-        if face_mask is not None:
-            pair_values = pair_values * self.broadcast_to_pairs(face_mask)
+    def sum_by_view(self, pair_values: np.ndarray) -> np.ndarray:
+        """(V,) float: sums of (P,) values by view."""
         return np.bincount(self.kernel.pair_view, weights=pair_values, minlength=self.reasons.shape[1])
 
 
@@ -151,7 +149,7 @@ def build_context(
         cubic=at.interpolation == "cubic",
         remove_bias=options.cells.remove_bias,
         centered=options.eigenspace.centered,
-        norm=norm.kernel,
+        norm=int(norm.kernel),
         norm_table=norm.table,
     )
     mean_area = np.where(takes_part, outlines.area, 0).sum(1) / np.maximum(n_views, 1)

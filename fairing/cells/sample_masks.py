@@ -17,8 +17,8 @@ from fairing.geometry.rasterize import HIDDEN_DEPTH
 from fairing.options import VisibilityOptions
 from fairing.util.compiled_only import COMPILED_ONLY
 
-# By so much more than rounding errors a face is inside the photo, px, and in front of the depth map, as a factor.
-CERTAIN_PX, CERTAIN = 1e-6, 1 + 1e-6
+# By so much more than rounding errors a face is inside the photo, px, and in front of the depth map, as a part of its depth.
+CERTAIN = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +183,7 @@ def _is_clear(
         ax, ay, a_inverse: a corner in the photo, px, and its inverse depth; likewise b and c.
         nearer, to_map: see `_mask_samples`.
     """
-    least = border + CERTAIN_PX
+    least = border + CERTAIN
     if min(ax, bx, cx) < least or max(ax, bx, cx) > size[0] - 1 - least:
         return False
     if min(ay, by, cy) < least or max(ay, by, cy) > size[1] - 1 - least:
@@ -197,10 +197,10 @@ def _is_clear(
     along_x = ((b_inverse - a_inverse) * (cy - ay) - (c_inverse - a_inverse) * (by - ay)) / doubled
     along_y = ((c_inverse - a_inverse) * (bx - ax) - (b_inverse - a_inverse) * (cx - ax)) / doubled
     least_in_pixel = min(along_x, 0.0) + min(along_y, 0.0)
-    for y in range(int(min(ay, by, cy) - CERTAIN_PX), int(max(ay, by, cy) + CERTAIN_PX) + 1):
+    for y in range(int(min(ay, by, cy) - CERTAIN), int(max(ay, by, cy) + CERTAIN) + 1):
         left, right = np.inf, -np.inf
         for x0, y0, x1, y1 in ((ax, ay, bx, by), (bx, by, cx, cy), (cx, cy, ax, ay)):
-            low, high = max(min(y0, y1), y - CERTAIN_PX), min(max(y0, y1), y + 1 + CERTAIN_PX)
+            low, high = max(min(y0, y1), y - CERTAIN), min(max(y0, y1), y + 1 + CERTAIN)
             if low > high:
                 continue
             slope = (x1 - x0) / (y1 - y0) if y1 != y0 else 0.0
@@ -209,8 +209,8 @@ def _is_clear(
                 left, right = min(left, x), max(right, x)
             if y1 == y0:
                 left, right = min(left, x1), max(right, x1)
-        for x in range(int(left - CERTAIN_PX), int(right + CERTAIN_PX) + 1):
+        for x in range(int(left - CERTAIN), int(right + CERTAIN) + 1):
             inverse = a_inverse + (x - ax) * along_x + (y - ay) * along_y + least_in_pixel
-            if near_edges[y, x] or inverse_depth[y, x] * nearer * CERTAIN > inverse:
+            if near_edges[y, x] or inverse_depth[y, x] * nearer * (1 + CERTAIN) > inverse:
                 return False
     return True

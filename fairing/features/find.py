@@ -55,10 +55,8 @@ def find_points(
     pairs = photo_pairs(cameras, chosen)
     if len(pairs) == 0:
         return FeaturePoints.none("no two photos are taken from different places in similar directions")
-    progress, cancelled = on_progress or (lambda done, count: None), cancel_requested or (lambda: False)
-    with_points = (len(views) * PHOTO_WORK if keypoints is None else 0) + len(pairs)
-    work = _Work(threads or os.cpu_count() or 1, lambda done: progress(done, with_points + 1), cancelled)
-    try:
+    amount = (len(views) * PHOTO_WORK if keypoints is None else 0) + len(pairs) + 1
+    with _Work(threads, amount, on_progress, cancel_requested) as work:
         detected = _detected(work, views, chosen) if keypoints is None else keypoints
         if sum(len(found) for found in detected) == 0:
             return FeaturePoints.none("the photos show no keypoints: there is no texture, or masks exclude it")
@@ -75,8 +73,6 @@ def find_points(
                 f"no keypoint was matched in {chosen.views} photos; check the cameras, or add photos that overlap more"
             )
         return _triangulated(work, cameras, detected, tracks, chosen)
-    finally:
-        work.end()
 
 
 def find_keypoints(
@@ -92,13 +88,8 @@ def find_keypoints(
     Args:
         most: of each photo only so many, the strongest; 0 for all.
     """
-    progress, cancelled = on_progress or (lambda done, count: None), cancel_requested or (lambda: False)
-    count = len(views) * PHOTO_WORK
-    work = _Work(threads or os.cpu_count() or 1, lambda done: progress(done, count), cancelled)
-    try:
+    with _Work(threads, len(views) * PHOTO_WORK, on_progress, cancel_requested) as work:
         return _detected(work, views, options or FeatureOptions(), most)
-    finally:
-        work.end()
 
 
 def progress_line(done: int, n_photos: int) -> str:
@@ -137,10 +128,24 @@ def _triangulated(
 class _Work:
     """Parts of the work on a pool of threads, with progress and cancellation."""
 
-    def __init__(self, threads: int, progress: Callable[[int], None], cancelled: Callable[[], bool]) -> None:
-        self._pool = ThreadPoolExecutor(threads, thread_name_prefix="features")
-        self._progress, self._cancelled, self._done = progress, cancelled, 0
-        progress(0)
+    def __init__(
+        self,
+        threads: int,
+        amount: int,
+        on_progress: Progress | None,
+        cancel_requested: Callable[[], bool] | None,
+    ) -> None:
+        self._pool = ThreadPoolExecutor(threads or os.cpu_count() or 1, thread_name_prefix="features")
+        self._amount, self._done = amount, 0
+        self._progress, self._cancelled = on_progress or (lambda done, count: None), cancel_requested or (lambda: False)
+
+    def __enter__(self) -> "_Work":
+        self._progress(0, self._amount)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Start no further part."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
 
     def all_of(self, parts: Sequence[Callable[[], _Result]], amount: int = 1) -> list[_Result]:
         """The results of all parts, in their order; each part counts as `amount` in the progress."""
@@ -153,9 +158,5 @@ class _Work:
             for future in finished:
                 future.result()  # raises what the part raised
                 self._done += amount
-                self._progress(self._done)
+                self._progress(self._done, self._amount)
         return [future.result() for future in futures]
-
-    def end(self) -> None:
-        """Start no further part."""
-        self._pool.shutdown(wait=False, cancel_futures=True)

@@ -1,7 +1,7 @@
 """Feature points: positions with covariances and the observations they were triangulated from."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -75,15 +75,10 @@ class FeaturePoints:
 
     def joined(self, other: "FeaturePoints") -> "FeaturePoints":
         """These points, then those of another set in the same photos."""
-        return FeaturePoints(
-            np.concatenate([self.positions, other.positions]),
-            np.concatenate([self.covariance, other.covariance]),
-            np.concatenate([self.colors, other.colors]),
-            np.concatenate([self.offsets, self.offsets[-1] + other.offsets[1:]]),
-            np.concatenate([self.photos, other.photos]),
-            np.concatenate([self.pixels, other.pixels]),
-            np.concatenate([self.residual, other.residual]),
-            self.keypoint_sigma,
+        names = ("positions", "covariance", "colors", "photos", "pixels", "residual")
+        both = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names}
+        return replace(
+            self, **both, offsets=np.concatenate([self.offsets, self.offsets[-1] + other.offsets[1:]]), reason=""
         )
 
     @property

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fairing.run.session import Session
-from fairing.solve.face_loss import loss_of_faces
+from fairing.solve.energy import loss_of_faces
 from fairing.solve.normal_equations import vertex_systems
 
 NO_INFORMATION = 1e-9  # eigenvalues below this fraction of the largest count as zero
@@ -83,7 +83,7 @@ def certainties(session: Session, vertices: np.ndarray, moment: int | None = Non
     faces = np.flatnonzero(np.isin(mesh.faces, vertices).any(axis=1))
     system = session.linearise_by_photos(faces, moment)
     H, _ = vertex_systems(mesh, system)
-    loss, pixels = loss_of_faces(sweep.context, system.energy, faces)
+    loss, pixels = loss_of_faces(sweep.context, system)
     correlated = max(1.0, 4 * np.pi * session.options.levels[sweep.context.level].blur ** 2)
     found = []
     for vertex in vertices.tolist():

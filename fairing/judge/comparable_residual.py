@@ -138,7 +138,7 @@ class ComparableResidual:
     def _context(self) -> CellContext:
         problem = self._session.problem_under(self._options, self._cancel_requested)
         chosen = _chosen_faces(problem)
-        return problem.context_of(chosen, LEVEL, problem.start, self._options, MARGIN)
+        return problem.context_of(chosen, LEVEL, problem.start, MARGIN)
 
     @cached_property
     def _pair_faces(self) -> np.ndarray:

@@ -1,13 +1,27 @@
 """Input of the kernels that stays fixed while vertices move."""
 
+from enum import IntEnum, auto
 from typing import NamedTuple
 
 import numpy as np
 
-ENERGY, STATISTICS, ALTERNATING, VARIABLE_PROJECTION = 0, 1, 2, 3
-"""What to compute beside the energies: nothing, residual statistics, normal equations by either solver."""
-NORM_GEMAN_MCCLURE, NORM_HUBER, NORM_LEAST_SQUARES, NORM_TABLE = 0, 1, 2, 3
-"""Which loop of `fairing.kernels.robust.weigh` computes a norm; NORM_TABLE: any norm, by a table."""
+
+class Task(IntEnum):
+    """What to compute beside the energies: nothing, residual statistics, normal equations by either solver."""
+
+    ENERGY = auto()
+    STATISTICS = auto()
+    ALTERNATING = auto()
+    VARIABLE_PROJECTION = auto()
+
+
+class NormLoop(IntEnum):
+    """Which loop of `fairing.kernels.robust.weigh` computes a norm; TABLE: any norm, by a table."""
+
+    GEMAN_MCCLURE = auto()
+    HUBER = auto()
+    LEAST_SQUARES = auto()
+    TABLE = auto()
 
 
 class KernelData(NamedTuple):
@@ -33,7 +47,7 @@ class KernelData(NamedTuple):
         grid_start: (g + 1,) int64: where each grid starts in `ramp`.
         ramp: (2, total) float32: barycentric weights of corner 0 and 1 at the cells' samples.
         affine, cubic, remove_bias, centered: bool.
-        norm: NORM_*.
+        norm: a `NormLoop`.
         norm_table: (2, t + 1) float32, see `fairing.norms.norm.Tabulated`.
     """
 

@@ -3,10 +3,10 @@
 import numpy as np
 
 from fairing.kernels.compiled import fast, never_inline, plain
-from fairing.kernels.rows import BLOCK, add_rows, add_rows_to_all, copy_row, dot, dot_three_by_three
+from fairing.kernels.rows import BLOCK, STRIP, add_rows, add_rows_to_all, copy_row, dot, dot_three_by_three
 
 FILL_ITERATIONS = 3
-GRAM_BLOCK = 352  # samples summed in single precision (ledger: Gram matrix)
+GRAM_BLOCK = STRIP // 3  # samples summed in single precision (ledger: Gram matrix)
 
 
 @plain

@@ -7,7 +7,7 @@ depend on how the list is divided among threads.
 import numpy as np
 
 from fairing.kernels.compiled import SOURCE, cached
-from fairing.kernels.data import ALTERNATING, STATISTICS, VARIABLE_PROJECTION
+from fairing.kernels.data import Task
 from fairing.kernels.eigenspace import fit_face, remove_means
 from fairing.kernels.normal_equations import normal_equations
 from fairing.kernels.robust import residual_statistics, weigh
@@ -26,12 +26,12 @@ def _cached_for(source):
             todo: (F,) int64: face ids.
             corners: (F,) int64: which corner moves, -1 for all.
             squared_scale: (m,) float64: the robust norm's squared scale by face, see `fairing.kernels.robust.weigh`.
-            task: ENERGY, STATISTICS, ALTERNATING or VARIABLE_PROJECTION: what to compute beside the energies.
+            task: a `Task`, as an integer.
             energy: (F,) float64, out: sum of weight * rho(e); infinite if a corner lies behind a camera.
             pair_energy: (P,) float64, out: the same by pair, for the pairs of `todo`.
             H, g: (F, 9, 9), (F, 9) float64, out: by the nine coordinates of the corners, energy / world unit^2 and
                 energy / world unit.
-            statistics: (F, 2) float64, out, only with STATISTICS: largest and median absolute residual, grey levels.
+            statistics: (F, 2) float64, out, only with `Task.STATISTICS`: largest and median absolute residual, grey levels.
         """
         assert source >= 0
         n_most, p_most, k_most, all_components = 1, 1, 1, 3
@@ -43,7 +43,7 @@ def _cached_for(source):
             if data.affine and corners[at] < 0:
                 all_components = 9
         p_most *= data.channels
-        with_system = task >= ALTERNATING
+        with_system = task == Task.ALTERNATING or task == Task.VARIABLE_PROJECTION
         cells_buffer = aligned(n_most * p_most)
         residual_buffer = aligned(n_most * p_most)
         weights_buffer = aligned(n_most * p_most)
@@ -93,15 +93,15 @@ def _cached_for(source):
             if with_system:
                 # Column k of V projects out the mean cell and row k of the basis each cell's mean. The alternating solver
                 # keeps the eigenspace and its coefficients: only the means remain.
-                V[:, k] = 1 / np.sqrt(n) if data.centered and task == VARIABLE_PROJECTION else 0.0
+                V[:, k] = 1 / np.sqrt(n) if data.centered and task == Task.VARIABLE_PROJECTION else 0.0
                 basis[k, :] = 1 / np.sqrt(pc) if data.remove_bias else 0.0
-                low = 0 if task == VARIABLE_PROJECTION else k
+                low = 0 if task == Task.VARIABLE_PROJECTION else k
                 high = k + 1 if low == k or data.centered or data.remove_bias else k
                 normal_equations(
                     G, hats, corner, basis[low:high], V[:, low:high], residual, weights,
                     data.pair_weight[first : first + n], H[at], g[at],
                 )  # fmt: skip
-            elif task == STATISTICS:
+            elif task == Task.STATISTICS:
                 residual_statistics(residual, mask_weight, masked, index, statistics[at])
 
     @cached

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fairing.kernels.compiled import fast, never_inline, plain
-from fairing.kernels.data import NORM_GEMAN_MCCLURE, NORM_HUBER, NORM_TABLE
+from fairing.kernels.data import NormLoop
 from fairing.kernels.rows import STRIP
 
 HISTOGRAM_BINS = 2048
@@ -18,9 +18,9 @@ def weigh(residual, norm, table, squared_scale, weights):
 
     Args:
         residual: (p,) float32, grey levels.
-        norm: NORM_*.
+        norm: a `NormLoop`, as an integer.
         table: (2, t + 1) float32: rho(x) / x^2 and rho'(x) / x at v = 1 / (1 + x) = 0, 1 / t ... 1, with x = |e| / sigma; used with
-            NORM_TABLE, linear in between.
+            `NormLoop.TABLE`, linear in between.
         squared_scale: sigma squared, grey levels^2 (sigma itself for the printed Geman-McClure form).
         weights: (p,) float32, out.
     """
@@ -28,13 +28,13 @@ def weigh(residual, norm, table, squared_scale, weights):
     s2 = np.float32(squared_scale)
     total = np.float32(0)
     two, one = np.float32(2), np.float32(1)
-    if norm == NORM_GEMAN_MCCLURE:
+    if norm == NormLoop.GEMAN_MCCLURE:
         for t in range(residual.shape[0]):
             squared = residual[t] * residual[t]
             inverse = one / (s2 + squared)
             total += squared * inverse
             weights[t] = two * s2 * inverse * inverse
-    elif norm == NORM_HUBER:
+    elif norm == NormLoop.HUBER:
         inverse = one / s2
         sigma = np.sqrt(s2)
         for t in range(residual.shape[0]):
@@ -42,7 +42,7 @@ def weigh(residual, norm, table, squared_scale, weights):
             total += size * size if size <= sigma else two * size * sigma - s2
             weights[t] = two * inverse * min(one, sigma / max(size, sigma))
         total *= inverse
-    elif norm == NORM_TABLE:
+    elif norm == NormLoop.TABLE:
         inverse = one / s2
         sigma = np.sqrt(s2)
         intervals = np.float32(table.shape[1] - 1)

@@ -10,7 +10,7 @@ from fairing.kernels.compiled import fast, plain
 
 # Multiples of the longest vectors, 16 samples, that leave no short rest of cells of 64 and 128 (ledger: kernel block).
 STRIP = 1056  # samples read from a photo at a time
-BLOCK = 2112  # samples of the eigenspace and the normal equations at a time
+BLOCK = 2 * STRIP  # samples of the eigenspace and the normal equations at a time
 
 
 @plain

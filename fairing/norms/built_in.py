@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.kernels.data import NORM_GEMAN_MCCLURE, NORM_HUBER, NORM_LEAST_SQUARES
+from fairing.kernels.data import NormLoop
 from fairing.norms.norm import Norm, Tabulated, tabulated
 
 OWN = "own"
@@ -17,7 +17,7 @@ class GemanMcClure(Norm):
 
     name = "geman_mcclure"
     outlier_threshold = 1 / np.sqrt(3)
-    kernel = NORM_GEMAN_MCCLURE
+    kernel = NormLoop.GEMAN_MCCLURE
 
     def rho(self, x: np.ndarray) -> np.ndarray:
         return x**2 / (1 + x**2)
@@ -40,7 +40,7 @@ class Huber(Norm):
 
     name = "huber"
     outlier_threshold = np.inf
-    kernel = NORM_HUBER
+    kernel = NormLoop.HUBER
 
     def rho(self, x: np.ndarray) -> np.ndarray:
         return np.where(x <= 1, x**2, 2 * x - 1)
@@ -54,7 +54,7 @@ class LeastSquares(Norm):
 
     name = "least_squares"
     outlier_threshold = np.inf
-    kernel = NORM_LEAST_SQUARES
+    kernel = NormLoop.LEAST_SQUARES
 
     def rho(self, x: np.ndarray) -> np.ndarray:
         return x**2

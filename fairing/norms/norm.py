@@ -28,7 +28,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from fairing.errors import InputError
-from fairing.kernels.data import NORM_TABLE
+from fairing.kernels.data import NormLoop
 
 INTERVALS = 4096
 """Of a table, uniform in 1 / (1 + x). Interpolation errs by some (1 + x)^2 / INTERVALS^2 of the value: 1e-7 at x = 1, 1e-5 at
@@ -47,12 +47,12 @@ class Norm:
     Attributes:
         name: a word, as shown.
         outlier_threshold: x beyond which a residual loses influence, infinite if never; None: found from `weight`.
-        kernel: NORM_* of the compiled loop; those of one's own read a table.
+        kernel: the compiled loop; those of one's own read a table.
     """
 
     name: str = ""
     outlier_threshold: float | None = None
-    kernel: ClassVar[int] = NORM_TABLE
+    kernel: ClassVar[NormLoop] = NormLoop.TABLE
 
     def rho(self, x: np.ndarray) -> np.ndarray:
         """The loss: 0 at 0, nowhere falling; like x^2 near 0, as the strengths of the other terms assume."""
@@ -82,7 +82,7 @@ class Tabulated:
         file: with its code; empty where it was typed, as in a notebook.
         outlier_threshold: x beyond which a residual loses influence; infinite if never.
         table: (2, INTERVALS + 1) float32: rho(x) / x^2 and rho'(x) / x at 1 / (1 + x) = 0, 1 / INTERVALS ... 1.
-        kernel: NORM_* of the compiled loop.
+        kernel: the compiled loop.
         squared_scale: see `Norm`.
     """
 
@@ -91,7 +91,7 @@ class Tabulated:
     file: str
     outlier_threshold: float
     table: np.ndarray
-    kernel: int = NORM_TABLE
+    kernel: NormLoop = NormLoop.TABLE
     squared_scale: Callable[[np.ndarray], np.ndarray] = field(default=np.square)
 
     def rho(self, x: np.ndarray) -> np.ndarray:

@@ -42,10 +42,22 @@ def iterate(terms: Sequence[Term], vertices: np.ndarray, ids: np.ndarray, guard:
         ids: (u,) int: vertices that move.
     """
     proposed = step_parts(terms, vertices, ids).sum(axis=-1)[ids]
-    tried, folds = guard(vertices, ids, proposed)
+    return tried(proposed, vertices, ids, guard, lambda places: sum(term.total(places) for term in terms))
+
+
+def tried(
+    proposed: np.ndarray,
+    vertices: np.ndarray,
+    ids: np.ndarray,
+    guard: Guard,
+    objective: Callable[[np.ndarray], float],
+) -> Iteration:
+    """The iteration of proposed steps (u,) of vertices `ids` (u,) int, as far as they fold no face; accepted unless the objective
+    rises."""
+    steps, folds = guard(vertices, ids, proposed)
     after = vertices.copy()
-    after[ids] += tried
-    before, then = (sum(term.total(places) for term in terms) for places in (vertices, after))
+    after[ids] += steps
+    before, then = objective(vertices), objective(after)
     accepted = then <= before * (1 + OBJECTIVE_TOLERANCE)
     return Iteration(proposed, after if accepted else vertices, folds, (before, then), accepted)
 

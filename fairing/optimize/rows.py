@@ -157,6 +157,11 @@ class Anchor:
     precision: np.ndarray
     places: np.ndarray
 
+    @classmethod
+    def uniform(cls, name: str, strength: np.ndarray | float, places: np.ndarray) -> "Anchor":
+        """An anchor of equal strength in all directions, (n,) float or one for all vertices, energy / world unit^2."""
+        return cls(name, np.broadcast_to(strength, len(places))[:, None, None] * np.eye(3), places)
+
     def total(self, vertices: np.ndarray) -> float:
         return float(self.by_vertex(vertices).sum())
 

@@ -59,7 +59,9 @@ def kept_under(
     same = 0
     while same < min(len(before), len(after)) and before[same].depends_on == after[same].depends_on:
         same += 1
-    changed = _place(before[same]) if same < len(before) else (len(present.levels), 0)
+    changed = len(present.levels), 0
+    if same < len(before):
+        changed = present.order_of(before[same].level.begin_of(before[same].stage))[:2]
 
     def is_changed(position: SchedulePosition) -> bool:
         return present.order_of(position)[:2] >= changed
@@ -85,7 +87,3 @@ def _parts(schedule: Schedule, options: FairingOptions) -> list[_Part]:
                 depends_on += (replace(judging, max_sweeps=1, max_iterations=1),)
             parts.append(_Part(level, stage, depends_on))
     return parts
-
-
-def _place(part: _Part) -> tuple[int, int]:
-    return part.level.number, part.level.place_of(part.stage)

@@ -1,90 +1,44 @@
 """Steps of smoothing and of fits: one iteration, or one verdict of a judge, each one record."""
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from fairing.cells.level_choice import first_fine_level
 from fairing.geometry.normal_filter import filtered_normals, moves_to_planes, planes_energy
 from fairing.geometry.pixel_size import pixel_size
-from fairing.optimize.iteration import OBJECTIVE_TOLERANCE, Iteration, iterate
+from fairing.optimize.iteration import Iteration, iterate, tried
 from fairing.optimize.rows import Term
-from fairing.run.records import Energies, Evaluation, build_record, moved_record
-from fairing.run.stages import Stage
-from fairing.solve.face_loss import loss_of_faces
+from fairing.run.records import Measured, build_record, px_of_steps
+from fairing.solve.energy import loss_of_faces
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
 from fairing.trace import SchedulePosition, StepReason, StepRecord
 
 
-class FitStep(NamedTuple):
-    """Attributes:
-    record: its next position is its own; the stepper replaces it.
-    is_done: whether every vertex has converged, or the step was rejected.
-    """
-
-    record: StepRecord
-    is_done: bool
-
-
-def fit_step(
-    problem: Problem,
-    stage: Stage,
-    terms: tuple[Term, ...],
-    position: SchedulePosition,
-    sweep_moment: int,
-    vertices: np.ndarray,
-) -> FitStep:
-    """One iteration of a fit from vertices (n, 3) float, world units.
+def smoothing_iteration(problem: Problem, begun: np.ndarray, vertices: np.ndarray) -> tuple[np.ndarray, Iteration]:
+    """One pass of the normal filter: the vertices (u,) int that may move, and their iteration.
 
     Args:
-        terms: of the sweep.
-        sweep_moment: the moment at which it began.
-
-    Raises:
-        Cancelled: cancellation was requested.
+        begun: (n, 3) float, world units: when smoothing began; the filtered normals there are the target.
+        vertices: (n, 3) float, world units: now.
     """
-    problem.raise_if_cancelled()
-    ids = movable(problem, vertices)
-    return _recorded(
-        problem, stage, position, sweep_moment, vertices, ids, iterate(terms, vertices, ids, problem.unfolded)
-    )
-
-
-def smoothing_step(
-    problem: Problem,
-    stage: Stage,
-    position: SchedulePosition,
-    sweep_moment: int,
-    begun: np.ndarray,
-    vertices: np.ndarray,
-) -> FitStep:
-    """One pass of the normal filter over vertices (n, 3) float, world units.
-
-    Args:
-        sweep_moment: the moment at which smoothing began.
-        begun: (n, 3) float: vertices then, whose filtered normals are the target.
-
-    Raises:
-        Cancelled: cancellation was requested.
-    """
-    problem.raise_if_cancelled()
     mesh, ids = problem.scene.mesh, np.flatnonzero(~problem.locked)
     normals = filtered_normals(mesh, begun)
     proposed = moves_to_planes(mesh, vertices, normals)[ids]
-    tried, folds = problem.unfolded(vertices, ids, proposed)
-    after = vertices.copy()
-    after[ids] += tried
-    before, then = planes_energy(mesh, vertices, normals), planes_energy(mesh, after, normals)
-    accepted = then <= before * (1 + OBJECTIVE_TOLERANCE)
-    iteration = Iteration(proposed, after if accepted else vertices, folds, (before, then), accepted)
-    return _recorded(problem, stage, position, sweep_moment, vertices, ids, iteration)
+    return ids, tried(proposed, vertices, ids, problem.unfolded, lambda places: planes_energy(mesh, places, normals))
+
+
+def fit_iteration(problem: Problem, terms: Sequence[Term], vertices: np.ndarray) -> tuple[np.ndarray, Iteration]:
+    """One iteration of a fit from vertices (n, 3) float, world units: the vertices (u,) int that move, and their iteration."""
+    ids = movable(problem, vertices)
+    return ids, iterate(terms, vertices, ids, problem.unfolded)
 
 
 def movable(problem: Problem, vertices: np.ndarray) -> np.ndarray:
     """(u,) int: vertices that a fit moves: neither locked nor out of every photo."""
-    pixel = pixel_size([view.camera for view in problem.scene.views], vertices)
+    pixel = pixel_size(problem.cameras, vertices)
     return np.flatnonzero(~problem.locked & np.isfinite(pixel))
 
 
@@ -93,7 +47,7 @@ def point_verdict(
 ) -> StepRecord:
     """The record of a judge by points; kept (n, 3): vertices (n, 3) after its verdict, world units."""
     ids = np.flatnonzero((kept != vertices).any(axis=1))
-    return _unmeasured(problem, StageKind.JUDGE, position, moment, vertices, ids, kept, StepReason.RETURNED)
+    return build_record(problem, position, moment, ids, vertices, kept, StepReason.RETURNED, StageKind.JUDGE)
 
 
 def photo_verdict(
@@ -122,83 +76,56 @@ def photo_verdict(
     losses = mean_loss(before), mean_loss(after)
     if 1 - losses[1] / max(losses[0], 1e-300) > least_gain:
         nothing = np.zeros(0, dtype=int)
-        return moved_record(
-            problem, position, moment, nothing, before, after, StepReason.RETURNED, losses, StageKind.JUDGE
+        record = build_record(
+            problem, position, moment, nothing, begun, vertices, StepReason.RETURNED, StageKind.JUDGE, (before, after)
         )
-    moved = (vertices != begun).any(axis=1)
-    back = np.flatnonzero(moved | ~moved.any())  # a record without vertices would not show the verdict
-    return moved_record(
-        problem, position, moment, back, after, before, StepReason.REJECTED_FIT, (losses[1], losses[0]), StageKind.JUDGE
-    )
+    else:
+        losses, moved = losses[::-1], (vertices != begun).any(axis=1)
+        back = np.flatnonzero(moved | ~moved.any())  # a record without vertices would not show the verdict
+        record = build_record(
+            problem, position, moment, back, vertices, begun, StepReason.REJECTED_FIT, StageKind.JUDGE, (after, before)
+        )
+    return replace(record, objective_before=losses[0], objective_after=losses[1])
 
 
-def evaluated(problem: Problem, vertices: np.ndarray) -> Evaluation:
+def evaluated(problem: Problem, vertices: np.ndarray) -> Measured:
     """Energies at the first fine level, by the photos that see the faces there; coarser levels discriminate less."""
     context = problem.context(first_fine_level(problem.options), vertices)
     scale = problem.norm.squared_scale(problem.sigma(context, vertices))
-    return Evaluation(vertices, context, problem.energies(context, vertices, scale))
+    return Measured(context, problem.energies(context, vertices, scale))
 
 
-def mean_loss(evaluation: Evaluation) -> float:
+def mean_loss(measured: Measured) -> float:
     """Mean loss per photo px."""
-    system = evaluation.system
-    loss, pixels = loss_of_faces(evaluation.context, system.energy, system.faces)
+    loss, pixels = loss_of_faces(*measured)
     return float((loss * pixels).sum() / max(pixels.sum(), 1e-300))
 
 
-def _recorded(
-    problem: Problem,
-    stage: Stage,
-    position: SchedulePosition,
-    sweep_moment: int,
-    vertices: np.ndarray,
-    ids: np.ndarray,
-    iteration: Iteration,
-) -> FitStep:
-    """The record of an iteration of vertices `ids` (u,) int."""
-    step_px = _step_px(problem, vertices, ids, iteration.after[ids] - vertices[ids])
-    has_converged = iteration.accepted & (step_px < problem.options.step.tolerance)
-    reasons = np.full(len(ids), StepReason.ACCEPTED if iteration.accepted else StepReason.REJECTED_ENERGY)
-    reasons[has_converged] = StepReason.CONVERGED
-    reasons[iteration.folds & (step_px == 0)] = StepReason.REJECTED_FOLD
-    record = _unmeasured(problem, stage.kind, position, sweep_moment, vertices, ids, iteration.after, reasons)
-    record = replace(
-        record,
-        proposed=iteration.proposed,
-        objective_before=iteration.objectives[0],
-        objective_after=iteration.objectives[1],
-    )
-    return FitStep(record, bool((has_converged | (reasons != StepReason.ACCEPTED)).all()))
-
-
-def _unmeasured(
+def iteration_record(
     problem: Problem,
     kind: StageKind,
     position: SchedulePosition,
     sweep_moment: int,
     vertices: np.ndarray,
     ids: np.ndarray,
-    after: np.ndarray,
-    reasons: np.ndarray | StepReason,
-) -> StepRecord:
-    """The record of vertices `ids` (u,) int that go from positions (n, 3) to others (n, 3), without energies of photos."""
-    steps, nothing = after[ids] - vertices[ids], Energies(np.zeros(0), np.zeros(len(problem.scene.views)))
-    return build_record(
-        position,
-        sweep_moment,
-        ids,
-        (vertices[ids], after[ids]),
-        proposed=steps,
-        step_px=_step_px(problem, vertices, ids, steps),
-        reasons=np.broadcast_to(np.asarray(reasons), len(ids)),
-        objectives=(0.0, 0.0),
-        faces=np.zeros(0, dtype=int),
-        energies=(nothing, nothing),
-        stage=kind,
+    iteration: Iteration,
+) -> tuple[StepRecord, bool]:
+    """The record of an iteration of vertices `ids` (u,) int, and whether every vertex has converged, or the step was rejected.
+
+    Args:
+        kind: of the stage.
+        sweep_moment: the moment at which the sweep began.
+        vertices: (n, 3) float, world units: before the iteration.
+    """
+    step_px = px_of_steps(problem, vertices, ids, iteration.after[ids] - vertices[ids])
+    has_converged = iteration.accepted & (step_px < problem.options.step.tolerance)
+    reasons = np.full(len(ids), StepReason.ACCEPTED if iteration.accepted else StepReason.REJECTED_ENERGY)
+    reasons[has_converged] = StepReason.CONVERGED
+    reasons[iteration.folds & (step_px == 0)] = StepReason.REJECTED_FOLD
+    record = replace(
+        build_record(problem, position, sweep_moment, ids, vertices, iteration.after, reasons, kind),
+        proposed=iteration.proposed,
+        objective_before=iteration.objectives[0],
+        objective_after=iteration.objectives[1],
     )
-
-
-def _step_px(problem: Problem, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """(u,) float, px: lengths of steps (u, 3) as the median photo sees them at a right angle."""
-    pixel = pixel_size([view.camera for view in problem.scene.views], vertices)[ids]
-    return np.nan_to_num(np.linalg.norm(steps, axis=1) / pixel)
+    return record, bool((has_converged | (reasons != StepReason.ACCEPTED)).all())

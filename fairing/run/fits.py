@@ -4,7 +4,6 @@ from functools import cached_property
 
 import numpy as np
 
-from fairing.camera import Camera
 from fairing.cells.level_choice import typical_footprint
 from fairing.features.points import FeaturePoints
 from fairing.features.surface_sweep import HALF_WINDOW, SurfaceSweep, reduction
@@ -12,18 +11,30 @@ from fairing.geometry.pixel_size import pixel_size
 from fairing.optimize.rows import Term
 from fairing.run.history import History
 from fairing.run.stages import Axes, ClosestPoints, PointGates, Stage
-from fairing.run.start_error import FAR_ERROR, measured_start_error
 from fairing.scene import Scene
 from fairing.solve.point_split import fitting_points
 from fairing.solve.problem import Problem
 from fairing.terms.axes import broad_terms, narrow_terms, relations
 from fairing.terms.closest_points import anchor, average_information, closest_points
-from fairing.terms.point_rays import PointRays, points_on_surface
+from fairing.terms.point_rays import PointRays, displacement, distances_px, points_on_surface
 from fairing.terms.points import PointFit
 from fairing.trace import SchedulePosition, Trace
 
 # A start is far off if a fit to the sparse points moves this part of its vertices that far (ledger: surface sweep: which starts).
 FAR_PART, FAR_PX = 0.25, 0.9
+FAR_ERROR = (
+    3.0  # px: Gauss-Newton reaches that far at coarse levels alone (ledger: level after a fit, one surface sweep)
+)
+
+
+def measured_start_error(problem: Problem, start: np.ndarray) -> float:
+    """Distance of the start's vertices from their true positions, px, by the observed sparse points; 0 without points.
+
+    Args:
+        start: (n, 3) float: positions of the vertices, world units.
+    """
+    mesh = problem.scene.mesh.moved(start)
+    return displacement(distances_px(mesh, problem.cameras, problem.observed_points))
 
 
 class Fit:
@@ -35,7 +46,6 @@ class Fit:
 
     def __init__(self, problem: Problem, begin: np.ndarray) -> None:
         self._problem, self.begin = problem, problem.scene.mesh.moved(begin)
-        self.cameras: list[Camera] = [view.camera for view in problem.scene.views]
         self._surface_points: dict[int, FeaturePoints] = {}
         self._point_fits: dict[int | None, PointFit] = {}
 
@@ -55,12 +65,12 @@ class Fit:
         A start that the sparse points hardly move is more accurate than single pixels' depths if its faces are small: lower than
         three windows of the search, each of which holds several. (ledger: surface sweep: which starts)
         """
-        pixel = pixel_size(self.cameras, self.begin.vertices)
+        problem, error = self._problem, self.allowed_error(0)
+        pixel = pixel_size(problem.cameras, self.begin.vertices)
         moved = np.linalg.norm(vertices - self.begin.vertices, axis=1) / pixel
         if float(np.quantile(np.nan_to_num(moved), 1 - FAR_PART)) >= FAR_PX:
             return True
-        problem, error = self._problem, self.allowed_error(0)
-        shrink = float(np.median([reduction(camera, error) for camera in self.cameras]))
+        shrink = float(np.median([reduction(camera, error) for camera in problem.cameras]))
         footprint = typical_footprint(problem.scene, self.begin.vertices, problem.orientation, problem.options)
         return shrink * footprint >= 3 * (2 * HALF_WINDOW + 1)
 
@@ -84,9 +94,19 @@ class Fit:
             points = problem.observed_points
             if surface is not None:
                 points = points.joined(self.surface_points(surface, begun))
-            rays = PointRays(self.cameras, points, problem.raise_if_cancelled)
+            rays = PointRays(problem.cameras, points, problem.raise_if_cancelled)
             self._point_fits[surface] = PointFit(self.begin, rays, points.covariance)
         return self._point_fits[surface]
+
+    def applies(self, stage: Stage, vertices: np.ndarray) -> bool:
+        """Whether a stage has anything to do with vertices (n, 3), world units; others are left out."""
+        if isinstance(stage, PointGates) and stage.surface is not None and not stage.is_wanted:
+            if stage.surface == 0:
+                return self.needs_surface_points(vertices)
+            return self.allowed_error(stage.surface) < self.allowed_error(stage.surface - 1)
+        if isinstance(stage, Axes) or (isinstance(stage, ClosestPoints) and stage.follows_axes):
+            return len(relations(vertices, self.begin.faces, pixel_size(self._problem.cameras, vertices)).pairs) > 0
+        return True
 
 
 def points_on_mesh(
@@ -134,6 +154,32 @@ class Fits:
         number = max(searches)
         return self.begun_at(begin).surface_points(number, self._trace.vertices_at(searches[number]))
 
+    def terms(self, history: History, position: SchedulePosition, moment: int) -> tuple[Term, ...]:
+        """The terms of a sweep of a fit that begins at a moment; `position`: of its first step.
+
+        Raises:
+            Cancelled: cancellation was requested.
+        """
+        begin, stage = history.part_begun(moment, position), history.stage_of(position)
+        fit, problem = self.begun_at(begin), self._problem
+        stage_begun = self._trace.vertices_at(history.stage_begun(moment, position))
+        vertices, sweep = self._trace.vertices_at(moment), position.sweep - stage.first_sweep
+        if isinstance(stage, PointGates):
+            return fit.point_fit(stage.surface, stage_begun).terms(vertices, stage.gates[sweep])
+        mesh, pixel = problem.scene.mesh.moved(vertices), pixel_size(problem.cameras, vertices)
+        if isinstance(stage, Axes) and not stage.is_broad:
+            return narrow_terms(vertices, mesh.faces, pixel)
+        near = self.surface_points(history, begin, moment)
+        points = points_on_mesh(problem.scene, problem.observed_points, stage_begun, near)
+        closest = closest_points(mesh, points, stage_begun)
+        average = average_information(closest, vertices, ~problem.locked)
+        if isinstance(stage, ClosestPoints):
+            return closest, anchor(stage_begun, average)
+        assert isinstance(stage, Axes)
+        information = closest.hessians(vertices) / max(average, 1e-300)
+        within = fit.error * 0.5**sweep
+        return broad_terms(vertices, mesh.faces, pixel, information, fit.error, within, stage_begun)
+
     def share(self, other: "Fits", moment: int) -> None:
         """Take the fits of a run with the same past up to a moment."""
         self._found = {begin: fit for begin, fit in other._found.items() if begin < moment}
@@ -141,56 +187,3 @@ class Fits:
     def clear(self) -> None:
         """Forget what was found; it is found again when needed."""
         self._found.clear()
-
-
-def applies(fit: Fit, problem: Problem, stage: Stage, vertices: np.ndarray) -> bool:
-    """Whether a stage has anything to do with vertices (n, 3), world units; others are left out."""
-    if isinstance(stage, PointGates) and stage.surface is not None and not stage.is_wanted:
-        if stage.surface == 0:
-            return fit.needs_surface_points(vertices)
-        return fit.allowed_error(stage.surface) < fit.allowed_error(stage.surface - 1)
-    if isinstance(stage, Axes) or (isinstance(stage, ClosestPoints) and stage.follows_axes):
-        return has_axes(problem, vertices)
-    return True
-
-
-def has_axes(problem: Problem, vertices: np.ndarray) -> bool:
-    """Whether a mesh with vertices (n, 3) float, world units, has edges that follow the axes of a building."""
-    pixel = pixel_size([view.camera for view in problem.scene.views], vertices)
-    return len(relations(vertices, problem.scene.mesh.faces, pixel).pairs) > 0
-
-
-def terms_of_sweep(
-    problem: Problem,
-    fits: Fits,
-    history: History,
-    position: SchedulePosition,
-    begins: tuple[int, int],
-    moment: int,
-) -> tuple[Term, ...]:
-    """The terms of a sweep of a fit that begins at a moment.
-
-    Args:
-        position: of its first step.
-        begins: the moments at which its fit and its stage began.
-
-    Raises:
-        Cancelled: cancellation was requested.
-    """
-    vertices_at = history.vertices_at
-    fit, stage, vertices = fits.begun_at(begins[0]), history.stage_of(position), vertices_at(moment)
-    sweep, mesh = position.sweep - stage.first_sweep, problem.scene.mesh.moved(vertices)
-    if isinstance(stage, PointGates):
-        return fit.point_fit(stage.surface, vertices_at(begins[1])).terms(vertices, stage.gates[sweep])
-    pixel = pixel_size(fit.cameras, vertices)
-    if isinstance(stage, Axes) and not stage.is_broad:
-        return narrow_terms(vertices, mesh.faces, pixel)
-    near, begun = fits.surface_points(history, begins[0], moment), vertices_at(begins[1])
-    closest = closest_points(mesh, points_on_mesh(problem.scene, problem.observed_points, begun, near), begun)
-    average = average_information(closest, vertices, ~problem.locked)
-    if isinstance(stage, ClosestPoints):
-        return closest, anchor(begun, average)
-    assert isinstance(stage, Axes)
-    information = closest.hessians(vertices) / max(average, 1e-300)
-    within = fit.error * 0.5**sweep
-    return broad_terms(vertices, mesh.faces, pixel, information, fit.error, within, begun)

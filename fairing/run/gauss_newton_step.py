@@ -1,5 +1,6 @@
 """One Gauss-Newton iteration of a block: propose steps, limit them, accept those that do not raise the objective."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from fairing.optimize.iteration import OBJECTIVE_TOLERANCE
 from fairing.optimize.rows import Term, linearised_sum
 from fairing.options import StepOptions
-from fairing.run.records import Energies, SolverState, build_record
+from fairing.run.records import Measured, build_record
 from fairing.run.sweep import SweepState
 from fairing.solve.blocks import Block
 from fairing.solve.energy import FaceSystem
@@ -70,16 +71,20 @@ def propose(
 ) -> Proposal:
     """The step of a block, before its energy is known.
 
-    Args: see `gauss_newton_step`.
+    Args:
+        sweep: the sweep of the step.
+        vertices: (n, 3) float: positions before it, world units.
+        previous: the block's previous iteration in this sweep, whose damping is continued.
+        system: normal equations of the block's faces at `vertices` if they are known.
 
     Raises:
         Cancelled: cancellation was requested.
     """
     options, mesh, ids = problem.options.step, problem.scene.mesh, block.vertices
     damping, rejections = damping_and_rejections(options, ids, previous)
-    system = system or problem.linearise(sweep.context, vertices, block.faces, block.corners, sweep.scale)
+    system = system or problem.linearise(sweep.context, vertices, sweep.scale, block.faces, block.corners)
     H, g = vertex_systems(mesh, system)
-    terms = _terms_around(sweep, block)
+    terms = [*sweep.terms] if block.coupled else [term.around(ids) for term in sweep.terms]
     others = linearised_sum(terms, vertices)
     g += others.gradient
     if block.coupled:
@@ -96,32 +101,6 @@ def propose(
     return Proposal(system, terms, H[ids], g[ids], damping, rejections, proposed, shortened, limited, tried, folds)
 
 
-def gauss_newton_step(
-    problem: Problem,
-    sweep: SweepState,
-    block: Block,
-    position: SchedulePosition,
-    vertices: np.ndarray,
-    previous: StepRecord | None,
-    system: FaceSystem | None,
-) -> Iteration:
-    """One iteration.
-
-    Args:
-        sweep: the sweep of the step.
-        position: of the step.
-        vertices: (n, 3) float: positions before it, world units.
-        previous: the block's previous iteration in this sweep, whose damping is continued.
-        system: normal equations at `vertices` if they are known.
-
-    Raises:
-        Cancelled: cancellation was requested.
-    """
-    if system is None and block.coupled and position.iteration == 0:
-        system = sweep.system
-    return judge(problem, sweep, block, position, vertices, propose(problem, sweep, block, vertices, previous, system))
-
-
 def judge(
     problem: Problem,
     sweep: SweepState,
@@ -132,7 +111,9 @@ def judge(
 ) -> Iteration:
     """Accept or reject a proposal, by the objective of each vertex; in a coupled block by that of all.
 
-    Args: see `gauss_newton_step`.
+    Args:
+        position: of the step.
+        vertices: (n, 3) float: positions before it, world units.
 
     Raises:
         Cancelled: cancellation was requested.
@@ -148,7 +129,7 @@ def judge(
     new_system = (
         problem.energies(sweep.context, after, sweep.scale, block.faces)
         if is_last
-        else problem.linearise(sweep.context, after, block.faces, block.corners, sweep.scale)
+        else problem.linearise(sweep.context, after, sweep.scale, block.faces, block.corners)
     )
 
     old_objective = _objective(proposal.terms, block, system, vertices)
@@ -169,23 +150,19 @@ def judge(
     taken = system.replaced_by(new_system, accepted[block.owner], sweep.context.broadcast_to_pairs(accepted_faces))
     # A vertex at rest proposes a zero step, which is always accepted: it stays at rest until the sweep ends.
     rejections = np.where(accepted & ~is_resting, 0, rejections + 1)
-    record = build_record(
-        position,
-        sweep.moment,
-        ids,
-        (vertices[ids], np.where(accepted[:, None], after[ids], vertices[ids])),
+    after[ids[~accepted]] = vertices[ids[~accepted]]
+    measured = Measured(sweep.context, system), Measured(sweep.context, taken)
+    record = replace(
+        build_record(
+            problem, position, sweep.moment, ids, vertices, after, reasons, measured=measured, step_px=step_px
+        ),
         proposed=proposal.proposed,
-        step_px=step_px,
-        reasons=reasons,
-        objectives=(float(old_objective.sum()), float(new_objective.sum())),
-        faces=block.faces,
-        energies=(
-            Energies(system.energy, sweep.context.sum_by_view(system.pair_energy)),
-            Energies(taken.energy, sweep.context.sum_by_view(taken.pair_energy)),
-        ),
-        solver=SolverState(
-            damping, np.linalg.eigvalsh(proposal.hessians), _next_damping(options, damping, accepted), rejections
-        ),
+        objective_before=float(old_objective.sum()),
+        objective_after=float(new_objective.sum()),
+        damping=damping,
+        eigenvalues=np.linalg.eigvalsh(proposal.hessians),
+        damping_next=_next_damping(options, damping, accepted),
+        rejections=rejections,
     )
     is_done = has_converged | (rejections > options.max_rejections) | (reasons == StepReason.REJECTED_FOLD)
     return Iteration(record, bool(is_done.all()), None if is_last else taken)
@@ -202,11 +179,6 @@ def damping_and_rejections(
     if previous is not None:
         return previous.damping_next, previous.rejections
     return np.full(len(ids), _usual_damping(options)), np.zeros(len(ids), dtype=np.int64)
-
-
-def _terms_around(sweep: SweepState, block: Block) -> list[Term]:
-    """What of the terms beside the photos depends on the vertices of a block."""
-    return [*sweep.terms] if block.coupled else [term.around(block.vertices) for term in sweep.terms]
 
 
 def _limited(sweep: SweepState, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:

@@ -19,10 +19,6 @@ class History:
     def __init__(self, trace: Trace, schedule: Schedule) -> None:
         self._trace, self._schedule = trace, schedule
 
-    def vertices_at(self, moment: int) -> np.ndarray:
-        """(n, 3) float, world units: positions at a moment."""
-        return self._trace.vertices_at(moment)
-
     def level_of(self, position: SchedulePosition) -> Level:
         """The level of a position; the last one for positions of finished runs."""
         return self._schedule.levels[min(position.level, len(self._schedule.levels) - 1)]

@@ -6,47 +6,13 @@ import numpy as np
 
 from fairing.errors import InputError
 from fairing.geometry.normals import folded_faces
-from fairing.options import FairingOptions, StepOptions
-from fairing.run.records import Evaluation, moved_record
+from fairing.options import FairingOptions
+from fairing.run.records import Measured, build_record
 from fairing.run.sweep import SweepState
 from fairing.scene import Scene
 from fairing.solve.normal_equations import vertex_systems
 from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, StepReason, StepRecord
-
-
-def check_positions(
-    scene: Scene,
-    before: np.ndarray,
-    after: np.ndarray,
-    start: np.ndarray,
-    locked: np.ndarray,
-    vertices: np.ndarray,
-    options: StepOptions,
-) -> None:
-    """Check that vertices may be moved to new positions.
-
-    Args:
-        before, after, start: (n, 3) float: positions now, as requested, and at the start of the run, world units.
-        locked: (n,) bool.
-        vertices: (u,) int: the vertices to be moved.
-
-    Raises:
-        InputError: a vertex is locked, or a face would be flipped or collapsed.
-    """
-    if locked[vertices].any():
-        raise InputError(f"vertex {int(vertices[locked[vertices]][0])}: is locked; unlock it to move it")
-    if not np.isfinite(after).all():
-        raise InputError(f"vertex {int(vertices[0])}: expected a finite position")
-    faces = scene.mesh.faces
-    # A manual edit may rotate a face farther than a step of the engine, but not flip it.
-    bad = folded_faces(before, after, start, faces, replace(options, max_turn=90.0))
-    # A face with all corners at the start is as it was given, whatever its shape.
-    bad &= (after[faces] != start[faces]).any(axis=(1, 2)) & np.isin(faces, vertices).any(axis=1)
-    if bad.any():
-        face = int(np.flatnonzero(bad)[0])
-        others = f" and {bad.sum() - 1} more" if bad.sum() > 1 else ""
-        raise InputError(f"face {face}{others}: would be turned over or collapsed; nothing was moved")
 
 
 def manual_step(
@@ -77,17 +43,37 @@ def manual_step(
     after = before.copy()
     after[vertices] = positions
     if reason is not StepReason.READ_FROM_FILE:
-        check_positions(problem.scene, before, after, problem.start, problem.locked, vertices, problem.options.step)
+        _check_positions(problem, before, after, vertices)
     faces = np.flatnonzero(np.isin(mesh.faces, vertices).any(axis=1))
     here, there = (
-        Evaluation(v, sweep.context, problem.linearise(sweep.context, v, faces, np.full(len(faces), -1), sweep.scale))
-        for v in (before, after)
+        Measured(sweep.context, problem.linearise(sweep.context, v, sweep.scale, faces)) for v in (before, after)
     )
     if not np.isfinite(there.system.energy).all():
         raise InputError(f"vertex {int(vertices[0])}: would be behind a camera there; nothing was moved")
     H, _ = vertex_systems(mesh, there.system)
-    record = moved_record(problem, position, sweep.moment, vertices, here, there, reason)
+    record = build_record(problem, position, sweep.moment, vertices, before, after, reason, measured=(here, there))
     return replace(record, eigenvalues=np.linalg.eigvalsh(H[vertices]))
+
+
+def _check_positions(problem: Problem, before: np.ndarray, after: np.ndarray, vertices: np.ndarray) -> None:
+    """Refuse to move vertices (u,) int that are locked, or to flip or collapse a face.
+
+    Args:
+        before, after: (n, 3) float: positions of all vertices now and as requested, world units.
+    """
+    locked, start, faces = problem.locked, problem.start, problem.scene.mesh.faces
+    if locked[vertices].any():
+        raise InputError(f"vertex {int(vertices[locked[vertices]][0])}: is locked; unlock it to move it")
+    if not np.isfinite(after).all():
+        raise InputError(f"vertex {int(vertices[0])}: expected a finite position")
+    # A manual edit may rotate a face farther than a step of the engine, but not flip it.
+    bad = folded_faces(before, after, start, faces, replace(problem.options.step, max_turn=90.0))
+    # A face with all corners at the start is as it was given, whatever its shape.
+    bad &= (after[faces] != start[faces]).any(axis=(1, 2)) & np.isin(faces, vertices).any(axis=1)
+    if bad.any():
+        face = int(np.flatnonzero(bad)[0])
+        others = f" and {bad.sum() - 1} more" if bad.sum() > 1 else ""
+        raise InputError(f"face {face}{others}: would be turned over or collapsed; nothing was moved")
 
 
 def with_locks(options: FairingOptions, scene: Scene, vertices: np.ndarray, locked: bool) -> FairingOptions:

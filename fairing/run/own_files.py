@@ -12,7 +12,6 @@ from fairing.errors import InputError
 from fairing.norms.norm import Norm, tabulated
 from fairing.run.own_plan import check_plan
 from fairing.run_plan import PlanStage
-from fairing.terms.names import TERMS
 from fairing.terms.own import OwnTerm, check_terms
 from fairing.util.plugins import offered
 
@@ -45,7 +44,7 @@ def load_own(files: Iterable[Path]) -> Own:
     """
     found = [_own_of(file) for file in files]
     terms = tuple(term for each in found for term in each.terms)
-    check_terms(terms, TERMS)
+    check_terms(terms)
     norms = [each.norm for each in found if each.norm is not None]
     plans = [(each.plan, each.plan_file) for each in found if each.plan is not None]
     for what, several in (("norm", norms), ("plan", plans)):

@@ -10,17 +10,7 @@ from typing import Any
 from fairing.cells.level_choice import first_fine_level
 from fairing.errors import InputError
 from fairing.options import FairingOptions, LevelOptions, options_from_dict, options_to_dict
-from fairing.run.stages import (
-    AXES_ITERATIONS,
-    PASSES,
-    ROUNDS,
-    Axes,
-    ClosestPoints,
-    Judge,
-    PointGates,
-    Smoothing,
-    Stage,
-)
+from fairing.run.stages import ROUNDS, Axes, ClosestPoints, Judge, PointGates, Smoothing, Stage
 from fairing.run_plan import PlanStage, RunPlan
 from fairing.solve.point_split import fitting_points
 from fairing.solve.problem import Problem
@@ -35,12 +25,12 @@ OPTIONS_BEFORE = "options_before_own_plan"
 _STAGES: dict[str, Stage] = {
     stage.kind.label: stage
     for stage in (
-        Smoothing(StageKind.SMOOTHNESS, max_iterations=PASSES),
+        Smoothing(),
         PointGates(StageKind.POINTS, gates=GATES),
         PointGates(StageKind.SURFACE_POINTS, gates=NEAR_GATES, is_wanted=True),
-        Axes(StageKind.AXES, max_iterations=AXES_ITERATIONS),
-        ClosestPoints(StageKind.CLOSEST_POINTS, ROUNDS),
-        Judge(StageKind.JUDGE),
+        Axes(),
+        ClosestPoints(max_sweeps=ROUNDS),
+        Judge(),
     )
 }
 """By kind, with the default settings."""

@@ -9,11 +9,11 @@ from fairing.geometry.normal_filter import smoothed
 from fairing.io.points_choice import are_enough
 from fairing.options import FINE_BLUR, FairingOptions
 from fairing.placement.judge import refuse_elsewhere
+from fairing.run.fits import FAR_ERROR, measured_start_error
 from fairing.run.own_plan import run_plan_of
 from fairing.run.phases import schedule_of
 from fairing.run.rehearsal import Rehearsal, rehearse
 from fairing.run.stages import PASSES
-from fairing.run.start_error import FAR_ERROR, measured_start_error
 from fairing.run.sweep_cache import SweepCache
 from fairing.run_plan import PlanStage, RunPlan
 from fairing.solve.point_split import fitting_points
@@ -62,26 +62,24 @@ def make_plan(problem: Problem, own: Sequence[PlanStage] = ()) -> Planned:
     rehearsal = rehearse(problem, plan, smooths, fits=options.uses_points and _points_suffice(problem))
     plan = rehearsal.plan
     measured = _measure(problem, rehearsal)
-    if measured is not None and options.schedule.first_level == "auto":
-        first = max(first, _level_by_points(measured, plan.is_fitted_to_points, options))
-    represents = measured is not None and measured.represents_surface
-    is_far = measured is not None and represents and plan.is_fitted_to_points
-    plan = replace(
-        plan,
-        first_level=first,
-        start_sigma=max(measured.sigma, FINE_BLUR) if measured is not None else 0.0,
-        edge_reach=_edge_reach(measured.error) if measured is not None and is_far else RunPlan.edge_reach,
-        represents_surface=represents,
-    )
+    if measured is not None:
+        if options.schedule.first_level == "auto":
+            first = max(first, _level_by_points(measured, plan.is_fitted_to_points, options))
+        represents, sigma = measured.represents_surface, max(measured.sigma, FINE_BLUR)
+        plan = replace(plan, start_sigma=sigma, represents_surface=represents)
+        if plan.follows_points:
+            plan = replace(plan, edge_reach=_edge_reach(measured.error))
+    plan = replace(plan, first_level=first)
     return Planned(plan, rehearsal.steps_under(schedule_of(options, plan)), rehearsal.sweeps)
 
 
 def points_accept_smoothing(problem: Problem) -> bool:
     """Whether the points lie nearer to the smoothed start than to the start."""
-    mesh, cameras = problem.scene.mesh, [view.camera for view in problem.scene.views]
+    mesh = problem.scene.mesh
     smooth = problem.moved_to(problem.start, smoothed(mesh, problem.start, PASSES))
     plain_loss, smooth_loss = (
-        loss_of_points(mesh.moved(vertices), cameras, problem.observed_points) for vertices in (problem.start, smooth)
+        loss_of_points(mesh.moved(vertices), problem.cameras, problem.observed_points)
+        for vertices in (problem.start, smooth)
     )
     return smooth_loss < plain_loss
 

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csc_array
 
-from fairing.geometry.pixel_size import pixel_size
 from fairing.optimize.iteration import step_parts
 from fairing.optimize.rows import Term
 from fairing.run.fit_step import movable
 from fairing.run.gauss_newton_step import damping_and_rejections
+from fairing.run.records import px_of_steps
 from fairing.run.sweep import SweepState
 from fairing.solve.blocks import Block
 from fairing.solve.energy import FaceSystem
@@ -86,16 +86,27 @@ def pulls_at(
     Raises:
         Cancelled: cancellation was requested.
     """
-    mesh, n = problem.scene.mesh, len(vertices)
-    everything = np.arange(len(mesh.faces))
-    system = system or problem.linearise(sweep.context, vertices, everything, np.full(len(everything), -1), sweep.scale)
+    mesh, n, options = problem.scene.mesh, len(vertices), problem.options.step
+    system = system or problem.linearise(sweep.context, vertices, sweep.scale)
     terms, ids = sweep.terms, np.arange(n)
     H_photos, g_photos = vertex_systems(mesh, system)
-    hessians = np.stack([H_photos, *(term.hessians(vertices) for term in terms)])
+    hessians = np.stack([H_photos, *(term.hessians(vertices) for term in terms)])  # (T, n, 3, 3), the photos first
     linear = [term.linearise(vertices) for term in terms]
-    gradients = np.stack([g_photos, *(each.gradient for each in linear)], axis=-1)
-    others = sum((each.matrix for each in linear), csc_array((3 * n, 3 * n)))
-    parts = _parts(problem, sweep, block, previous, system, hessians, others, gradients)
+    gradients = np.stack([g_photos, *(each.gradient for each in linear)], axis=-1)  # (n, 3, T)
+    moves = np.zeros(n, dtype=bool)
+    for each in sweep.blocks:
+        moves[each.vertices] = True
+    damping, rejections = damping_and_rejections(options, ids, None)
+    if block is not None:
+        own = block.vertices
+        damping[own], rejections[own] = damping_and_rejections(options, own, previous)
+    if any(each.coupled for each in sweep.blocks):
+        others = sum((each.matrix for each in linear), csc_array((3 * n, 3 * n)))
+        parts = solve_jointly(mesh, system, others, gradients, moves, float(damping[moves].max()))
+    else:
+        moves &= rejections <= options.max_rejections
+        parts = np.zeros(gradients.shape)
+        parts[moves] = solve_vertices(hessians.sum(axis=0)[moves], gradients[moves], damping[moves])
     around = np.bincount(mesh.faces[system.faces].ravel(), weights=np.repeat(system.energy, 3), minlength=n)
     energies = [around, *(term.by_vertex(vertices) for term in terms)]
     names, steps, whole = [PHOTOS, *(term.name for term in terms)], np.moveaxis(parts, -1, 0), parts.sum(axis=-1)
@@ -107,47 +118,10 @@ def pulls_at(
 
 def pulls_of_fit(problem: Problem, terms: Sequence[Term], vertices: np.ndarray) -> list[Pull]:
     """The pulls of the terms of a fit at vertices (n, 3) float, world units; their steps add up to the proposed step."""
-    parts = step_parts(terms, vertices, movable(problem, vertices))
-    whole, pixel = parts.sum(axis=-1), pixel_size([view.camera for view in problem.scene.views], vertices)
-    pulls = []
+    parts, ids = step_parts(terms, vertices, movable(problem, vertices)), np.arange(len(vertices))
+    whole, pulls = parts.sum(axis=-1), []
     for term, step in zip(terms, np.moveaxis(parts, -1, 0), strict=True):
-        px = np.nan_to_num(np.linalg.norm(step, axis=1) / pixel)
         information = np.maximum(np.einsum("vi,vij,vj->v", whole, term.hessians(vertices), whole), 0)
+        px = px_of_steps(problem, vertices, ids, step)
         pulls.append(Pull(term.name, term.by_vertex(vertices), step, px, information))
     return pulls
-
-
-def _parts(
-    problem: Problem,
-    sweep: SweepState,
-    block: Block | None,
-    previous: StepRecord | None,
-    system: FaceSystem,
-    hessians: np.ndarray,
-    others: csc_array,
-    gradients: np.ndarray,
-) -> np.ndarray:
-    """(n, 3, T) float: the part of each term in the proposed step, world units.
-
-    Args:
-        system: of all faces by all corners.
-        hessians: (T, n, 3, 3) float: normal matrices of the terms by vertex, the photos first.
-        others: (3 n, 3 n): normal matrix of the terms beside the photos.
-        gradients: (n, 3, T) float.
-    """
-    n, options = len(gradients), problem.options.step
-    moves = np.zeros(n, dtype=bool)
-    for each in sweep.blocks:
-        moves[each.vertices] = True
-    damping, rejections = damping_and_rejections(options, np.arange(n), None)
-    if block is not None:
-        ids = block.vertices
-        damping[ids], rejections[ids] = damping_and_rejections(options, ids, previous)
-    parts = np.zeros(gradients.shape)
-    if not moves.any():
-        return parts
-    if any(each.coupled for each in sweep.blocks):
-        return solve_jointly(problem.scene.mesh, system, others, gradients, moves, float(damping[moves].max()))
-    moves &= rejections <= options.max_rejections
-    parts[moves] = solve_vertices(hessians.sum(axis=0)[moves], gradients[moves], damping[moves])
-    return parts

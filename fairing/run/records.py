@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fairing.cells.context import CellContext
+from fairing.geometry.pixel_size import pixel_size
 from fairing.run.sweep import SweepState
 from fairing.solve.energy import FaceSystem
 from fairing.solve.point_split import observed_held_out_points
@@ -15,148 +16,85 @@ from fairing.terms.point_judge import points_prefer
 from fairing.trace import SchedulePosition, StepReason, StepRecord, stage_of_reasons
 
 
-class Evaluation(NamedTuple):
-    """Energies of faces with the vertices at given positions.
+class Measured(NamedTuple):
+    """Energies of faces: their visibility and cells, and what was computed of them."""
 
-    Attributes:
-        vertices: (n, 3) float: the positions, world units.
-        context: visibility and cells.
-        system: energies of the faces.
-    """
-
-    vertices: np.ndarray
     context: CellContext
     system: FaceSystem
 
 
-class Energies(NamedTuple):
-    """Energies before or after a step.
-
-    Attributes:
-        by_face: (F,) float: of the faces around the block.
-        by_view: (V,) float: summed over the faces by view.
-    """
-
-    by_face: np.ndarray
-    by_view: np.ndarray
-
-
-class SolverState(NamedTuple):
-    """Levenberg-Marquardt state of the u vertices of a block.
-
-    Attributes:
-        damping: (u,) float, used in the step.
-        eigenvalues: (u, 3) float: of the normal matrices without priors, ascending, energy / world unit^2.
-        damping_next: (u,) float, for the next iteration.
-        rejections: (u,) int: in a row.
-    """
-
-    damping: np.ndarray
-    eigenvalues: np.ndarray
-    damping_next: np.ndarray
-    rejections: np.ndarray
-
-    @classmethod
-    def unused(cls, n_vertices: int) -> "SolverState":
-        """The state of a step that solves no system."""
-        zeros = np.zeros(n_vertices)
-        return cls(zeros, np.zeros((n_vertices, 3)), zeros, np.zeros(n_vertices, dtype=np.int64))
-
-
 def build_record(
+    problem: Problem,
     position: SchedulePosition,
     sweep_moment: int,
     ids: np.ndarray,
-    positions: tuple[np.ndarray, np.ndarray],
-    *,
-    proposed: np.ndarray,
-    step_px: np.ndarray,
-    reasons: np.ndarray,
-    objectives: tuple[float, float],
-    faces: np.ndarray,
-    energies: tuple[Energies, Energies],
-    solver: SolverState | None = None,
+    before: np.ndarray,
+    after: np.ndarray,
+    reasons: np.ndarray | StepReason,
     stage: StageKind | None = None,
+    measured: tuple[Measured, Measured] | None = None,
+    step_px: np.ndarray | None = None,
 ) -> StepRecord:
-    """A record whose next position is its own; pairs are (before, after).
+    """The record of vertices `ids` (u,) int that go from positions (n, 3) float to others, world units.
+
+    Its next position is its own, its objectives are the energies, and the proposed step is the one that was taken: no system was
+    solved.
 
     Args:
-        ids: (u,) int: the vertices of the block.
-        positions: (u, 3) float each, world units.
-        proposed: (u, 3) float, world units.
-        step_px: (u,) float.
-        reasons: (u,) `StepReason`.
-        faces: (F,) int.
-        solver: default: no system was solved.
+        reasons: (u,) `StepReason`, or one for all.
         stage: default: that of steps with these reasons.
+        measured: the same faces before and after; default: no energies were computed.
+        step_px: (u,) float; default: of the step that was taken, in the photos of the faces or, without any, see `px_of_steps`.
     """
-    solver = solver or SolverState.unused(len(ids))
-    before, after = energies
+    reasons = np.broadcast_to(np.asarray(reasons), len(ids)).astype(np.int8)
+    steps, zeros, faces = after[ids] - before[ids], np.zeros(len(ids)), np.zeros(0, dtype=int)
+    by_face, by_view = [np.zeros(0)] * 2, [np.zeros(len(problem.scene.views))] * 2
+    if measured is not None:
+        faces, by_face = measured[0].system.faces, [each.system.energy for each in measured]
+        by_view = [each.context.sum_by_view(each.system.pair_energy) for each in measured]
+    if step_px is None and measured is not None:
+        step_px = problem.pixels_moved(measured[0].context, before, ids, steps)
     return StepRecord(
         position=position,
         next_position=position,
         sweep_moment=sweep_moment,
         vertices=ids,
-        before=positions[0],
-        proposed=proposed,
-        after=positions[1],
-        step_px=step_px,
-        reasons=reasons.astype(np.int8),
-        objective_before=objectives[0],
-        objective_after=objectives[1],
+        before=before[ids],
+        proposed=steps,
+        after=after[ids],
+        step_px=px_of_steps(problem, before, ids, steps) if step_px is None else step_px,
+        damping=zeros,
+        eigenvalues=np.zeros((len(ids), 3)),
+        reasons=reasons,
+        objective_before=float(by_face[0].sum()),
+        objective_after=float(by_face[1].sum()),
         faces=faces,
-        face_energy_before=before.by_face,
-        face_energy_after=after.by_face,
-        view_energy_before=before.by_view,
-        view_energy_after=after.by_view,
-        **solver._asdict(),
+        face_energy_before=by_face[0],
+        face_energy_after=by_face[1],
+        view_energy_before=by_view[0],
+        view_energy_after=by_view[1],
+        damping_next=zeros,
+        rejections=np.zeros(len(ids), dtype=np.int64),
         stage=stage_of_reasons(reasons) if stage is None else stage,
     )
 
 
-def moved_record(
-    problem: Problem,
-    position: SchedulePosition,
-    sweep_moment: int,
-    ids: np.ndarray,
-    before: Evaluation,
-    after: Evaluation,
-    reason: StepReason,
-    objectives: tuple[float, float] | None = None,
-    stage: StageKind | None = None,
-) -> StepRecord:
-    """The record of vertices (u,) that go from their positions in `before` to those in `after`; same faces in both.
+def px_of_steps(problem: Problem, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """(u,) float, px: lengths of steps (u, 3) of vertices `ids` (u,) as the median photo sees them at a right angle.
 
     Args:
-        objectives: before and after; default: the energies.
-        stage: see `build_record`.
+        vertices: (n, 3) float: positions before the step, world units.
     """
-    steps = after.vertices[ids] - before.vertices[ids]
-    return build_record(
-        position,
-        sweep_moment,
-        ids,
-        (before.vertices[ids], after.vertices[ids]),
-        proposed=steps,
-        step_px=problem.pixels_moved(before.context, before.vertices, ids, steps),
-        reasons=np.full(len(ids), reason),
-        objectives=objectives or (float(before.system.energy.sum()), float(after.system.energy.sum())),
-        faces=before.system.faces,
-        energies=(_energies(before), _energies(after)),
-        stage=stage,
-    )
+    pixel = pixel_size(problem.cameras, vertices)[ids]
+    return np.nan_to_num(np.linalg.norm(steps, axis=1) / pixel)
 
 
 def empty_record(
     problem: Problem, position: SchedulePosition, sweep_moment: int, next_position: SchedulePosition
 ) -> StepRecord:
     """The record of a step that moves nothing, because no vertex can move or none needs to."""
-    ids, points = np.zeros(0, dtype=int), np.zeros((0, 3))
-    nothing = Energies(np.zeros(0), np.zeros(len(problem.scene.views)))
-    record = build_record(
-        position, sweep_moment, ids, (points, points), proposed=points, step_px=np.zeros(0), reasons=ids,
-        objectives=(0.0, 0.0), faces=ids, energies=(nothing, nothing),
-    )  # fmt: skip
+    nothing = np.zeros(0, dtype=int)
+    record = build_record(problem, position, sweep_moment, nothing, problem.start, problem.start, nothing)
     return replace(record, next_position=next_position)
 
 
@@ -178,16 +116,19 @@ def end_verdict(
         begun: (n, 3) float: positions at the start, or after the last manual edit.
     """
     here, there = (
-        Evaluation(places, sweep.context, problem.energies(sweep.context, places, sweep.scale))
-        for places in (vertices, begun)
+        Measured(sweep.context, problem.energies(sweep.context, places, sweep.scale)) for places in (vertices, begun)
     )
     if here.system.energy.sum() <= there.system.energy.sum() and not held_out_points_prefer(
         problem, vertices, begun, without=False
     ):
         nothing = np.zeros(0, dtype=int)
-        return moved_record(problem, position, moment, nothing, here, here, StepReason.RETURNED, stage=StageKind.JUDGE)
+        return build_record(
+            problem, position, moment, nothing, vertices, vertices, StepReason.RETURNED, StageKind.JUDGE, (here, here)
+        )
     everything = np.arange(len(vertices))
-    return moved_record(problem, position, moment, everything, here, there, StepReason.RETURNED)
+    return build_record(
+        problem, position, moment, everything, vertices, begun, StepReason.RETURNED, measured=(here, there)
+    )
 
 
 def held_out_points_prefer(problem: Problem, before: np.ndarray, after: np.ndarray, *, without: bool) -> bool:
@@ -199,10 +140,5 @@ def held_out_points_prefer(problem: Problem, before: np.ndarray, after: np.ndarr
     held_out = observed_held_out_points(problem.scene)
     if not problem.options.uses_points or len(held_out) == 0:
         return without
-    mesh, cameras = problem.scene.mesh, [view.camera for view in problem.scene.views]
-    return points_prefer(mesh.moved(before), mesh.moved(after), cameras, held_out)
-
-
-def _energies(evaluation: Evaluation) -> Energies:
-    system = evaluation.system
-    return Energies(system.energy, evaluation.context.sum_by_view(system.pair_energy))
+    mesh = problem.scene.mesh
+    return points_prefer(mesh.moved(before), mesh.moved(after), problem.cameras, held_out)

@@ -21,7 +21,6 @@ class Rehearsal:
     """Attributes:
     plan: which of both the photos accept; the rest of it is provisional.
     steps: of what they accept.
-    prepared: (n, 3) float, world units: vertices after these steps.
     begun_fit: (n, 3) float, world units: vertices before the fit: the start, or the smoothed start.
     fitted: (n, 3) float, world units: where the fit led, whether the photos accept it or not; None without a fit.
     sweeps: of these steps: points found on the way are used again.
@@ -29,7 +28,6 @@ class Rehearsal:
 
     plan: RunPlan
     steps: list[StepRecord]
-    prepared: np.ndarray
     begun_fit: np.ndarray
     fitted: np.ndarray | None
     sweeps: SweepCache
@@ -72,7 +70,7 @@ def rehearse(problem: Problem, plan: RunPlan, smooths: bool, fits: bool) -> Rehe
             begun, fitted = (attempt.vertices_at(moment) for moment in (len(trace), len(attempt) - 1))
         if not (attempt.steps[-1].reasons == StepReason.REJECTED_FIT).any():
             plan, trace, sweeps = attempt.plan, attempt, tried
-    return Rehearsal(plan, trace.steps, trace.vertices_at(len(trace)), begun, fitted, sweeps)
+    return Rehearsal(plan, trace.steps, begun, fitted, sweeps)
 
 
 def _run_part(problem: Problem, trace: Trace, sweeps: SweepCache) -> None:

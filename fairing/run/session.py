@@ -33,13 +33,13 @@ from fairing.run.own_plan import (
     recorded_plan,
     run_plan_of,
 )
+from fairing.run.phases import most_blocks
 from fairing.run.planning import make_plan
 from fairing.run.pulls import Pull
 from fairing.run.recorded_norm import header_of_norm, options_with_norm, recorded_norm
 from fairing.run.recorded_stages import stage_keys
 from fairing.run.recorded_terms import check_terms_of_trace, header_of_terms
-from fairing.run.schedule import fraction_done, most_blocks
-from fairing.run.stages import Photos, Stage
+from fairing.run.stages import Photos
 from fairing.run.stepper import Stepper, Trial
 from fairing.run.sweep import SweepState
 from fairing.run.sweep_cache import SweepCache
@@ -49,7 +49,6 @@ from fairing.scene import Scene
 from fairing.solve.energy import FaceSystem
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
-from fairing.terms.names import TERMS
 from fairing.terms.own import OwnTerm, check_terms
 from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace
 from fairing.trace_check import check_own_terms
@@ -79,6 +78,7 @@ class Session:
             raises `Cancelled` and changes nothing.
         on_photo: called within long computations when photos are read or evaluated, with their number so far and in all.
         work: what the computation in progress does; read from any thread.
+        own_plan: the stages of its own plan; empty: the run does what the start calls for.
 
     Raises:
         InputError: an option contradicts the scene, or the trace is not of this scene.
@@ -95,7 +95,7 @@ class Session:
         plan: Sequence[PlanStage] | None = None,
         plan_file: str = "",
     ) -> None:
-        check_terms(terms, TERMS)
+        check_terms(terms)
         own_norm = None if norm is None else tabulated(norm)
         if trace is not None:
             scene = scene_of_trace(scene, trace)
@@ -116,7 +116,7 @@ class Session:
         self.options = options
         check_options(self.options)
         self.scene, self.trace, self.terms = scene, trace, tuple(terms)
-        self._own_norm, self._own_plan, self._plan_file = own_norm, tuple(plan or ()), plan_file
+        self._own_norm, self.own_plan, self._plan_file = own_norm, tuple(plan or ()), plan_file
         self.moment = len(self.trace)
         self.cancel_requested: Callable[[], bool] = lambda: False
         self.on_photo: Callable[[int, int], None] = lambda done, count: None
@@ -201,7 +201,7 @@ class Session:
 
         In a plan of one's own also those of smoothing and fits, which may be all there is.
         """
-        steps, counts_fits = self.trace.steps[: self.moment], bool(self._own_plan)
+        steps, counts_fits = self.trace.steps[: self.moment], bool(self.own_plan)
         return [
             record
             for record in steps
@@ -225,11 +225,8 @@ class Session:
             first = self.trace.steps[0].position.level if self.moment else 0
             return max(0.0, (position.level - first) / max(1, n_levels - first)) if self.moment else 0.0
         n_free = int((~self._problem.locked).sum())
-
-        def blocks(_: Stage) -> int:
-            return most_blocks(self.options.schedule.order, n_free, self._max_degree)
-
-        return fraction_done(self._sweeps.schedule, position, blocks)
+        n_blocks = most_blocks(self.options.schedule.order, n_free, self._max_degree)
+        return self._sweeps.schedule.fraction_done(position, n_blocks)
 
     @property
     def locked(self) -> np.ndarray:
@@ -245,11 +242,6 @@ class Session:
     def norm(self) -> Tabulated:
         """The norm of the residuals of photos: that of the options, or one's own."""
         return self._problem.norm
-
-    @property
-    def own_plan(self) -> tuple[PlanStage, ...]:
-        """The plan of its own; empty: the run does what the start calls for."""
-        return self._own_plan
 
     @property
     def own_files(self) -> tuple[str, ...]:
@@ -281,9 +273,14 @@ class Session:
         Raises:
             IndexError: there is no such moment.
         """
+        self.moment = self._recorded(moment)
+
+    def _recorded(self, moment: int | None) -> int:
+        """A moment of the run; None: the present one."""
+        moment = self.moment if moment is None else moment
         if not 0 <= moment <= len(self.trace):
             raise IndexError(f"moment {moment}: this run has moments 0 to {len(self.trace)}")
-        self.moment = moment
+        return moment
 
     def branch(
         self,
@@ -314,7 +311,7 @@ class Session:
             check_options(options)
             of_plan = header_of_plan(plan, before)
             self.choose_inputs()
-            kept = kept_under(plan, options, self._own_plan, self.trace.steps[: self.moment], self._problem)
+            kept = kept_under(plan, options, self.own_plan, self.trace.steps[: self.moment], self._problem)
         trace = self.trace.cut(kept.moment)
         trace.header |= {"options": options_to_dict(options), **header_of_terms(terms), **header_of_norm(own_norm)}
         if plan is None and options.n_levels != self.options.n_levels:  # its stages belong to other levels
@@ -387,7 +384,7 @@ class Session:
         self.choose_inputs()
         if self.trace.plan is None:
             began = time.perf_counter()
-            planned = make_plan(self._problem, self._own_plan)
+            planned = make_plan(self._problem, self.own_plan)
             self._seconds += time.perf_counter() - began
             self.trace.record_plan(planned.plan)
             self._stepper.rehearsed = planned.steps
@@ -434,24 +431,19 @@ class Session:
 
     def step_stage(self) -> StepRecord | None:
         """To the end of the stage, see `recorded_stages`. Returns the last step."""
-        last = record = self.step()
-        key_of = stage_keys(self.trace)
-        while record is not None and (kind := self.next_stage) is not None:
-            if key_of(kind, self.position) != key_of(record.stage, record.position):
+        last, key_of = self.step(), stage_keys(self.trace)
+        while last is not None and (kind := self.next_stage) is not None:
+            if key_of(kind, self.position) != key_of(last.stage, last.position):
                 break
-            record = self.step()
-            last = record or last
+            last = self.step()
         return last
 
     def _step_while(self, same: Callable[[SchedulePosition, SchedulePosition], bool]) -> StepRecord | None:
         if self.moment == len(self.trace):
             self.make_plan()
-        began = self.position
-        record = self.step()
-        last = record
-        while record is not None and same(began, self.position) and not self.finished:
-            record = self.step()
-            last = record or last
+        began, last = self.position, self.step()
+        while not self.finished and same(began, self.position):
+            last = self.step()
         return last
 
     def run(
@@ -561,9 +553,7 @@ class Session:
             InputError: no photo sees any face well enough.
             Cancelled: `cancel_requested` returned True.
         """
-        moment = self.moment if moment is None else moment
-        if not 0 <= moment <= len(self.trace):
-            raise IndexError(f"moment {moment}: this run has moments 0 to {len(self.trace)}")
+        moment = self._recorded(moment)
         self.make_plan()
         check_terms_of_trace(self.trace, self.terms)
         return self._stepper.pulls_at(moment)
@@ -579,9 +569,7 @@ class Session:
             InputError: no photo sees any face well enough.
             Cancelled: `cancel_requested` returned True.
         """
-        moment = self.moment if moment is None else moment
-        if not 0 <= moment <= len(self.trace):
-            raise IndexError(f"moment {moment}: this run has moments 0 to {len(self.trace)}")
+        moment = self._recorded(moment)
         if not 0 <= vertex < len(self.scene.mesh.vertices):
             raise IndexError(f"vertex {vertex}: this mesh has vertices 0 to {len(self.scene.mesh.vertices) - 1}")
         self.make_plan()
@@ -618,9 +606,7 @@ class Session:
         faces = np.zeros(len(context.takes_part), dtype=bool)
         faces[self.scene.mesh.one_rings[vertex]] = True
         margin = PATCH_MARGIN + max(moved, default=0.0)
-        return self._problem.context_of(
-            faces & (context.n_views > 0), context.level, context.vertices, self.options, margin
-        )
+        return self._problem.context_of(faces & (context.n_views > 0), context.level, context.vertices, margin)
 
     def problem_under(self, options: FairingOptions, cancel_requested: Callable[[], bool] = lambda: False) -> Problem:
         """The energy of the same scene and start under other options; it shares the photos in memory, and its own

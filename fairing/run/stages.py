@@ -47,6 +47,7 @@ class Photos(Stage):
         max_displacement: largest distance of a vertex from its origin, px; infinite if nothing tells how far off they are.
     """
 
+    kind: StageKind = StageKind.PHOTOS
     tolerance: float = 0.0
     max_displacement: float = np.inf
 
@@ -54,6 +55,9 @@ class Photos(Stage):
 @dataclass(frozen=True)
 class Smoothing(Stage):
     """Passes of the normal filter over a noisy start."""
+
+    kind: StageKind = StageKind.SMOOTHNESS
+    max_iterations: int = PASSES
 
 
 @dataclass(frozen=True)
@@ -79,6 +83,8 @@ class Axes(Stage):
         is_broad: whether they are sought as far as vertices that points do not determine may be off.
     """
 
+    kind: StageKind = StageKind.AXES
+    max_iterations: int = AXES_ITERATIONS
     is_broad: bool = False
 
 
@@ -90,6 +96,7 @@ class ClosestPoints(Stage):
         follows_axes: whether it is there because the axes moved vertices; other meshes leave it out.
     """
 
+    kind: StageKind = StageKind.CLOSEST_POINTS
     follows_axes: bool = False
 
 
@@ -102,15 +109,8 @@ class Judge(Stage):
             held-out points, after the last sweeps. All or nothing.
     """
 
+    kind: StageKind = StageKind.JUDGE
     by: Literal["points", "photos", "end"] = "photos"
-
-
-def smoothing_stages() -> tuple[Stage, ...]:
-    """Smoothing of the start."""
-    return (
-        Smoothing(StageKind.SMOOTHNESS, max_iterations=PASSES),
-        Judge(StageKind.JUDGE, by="photos"),
-    )
 
 
 def fit_stages(has_photos_of_points: bool) -> tuple[Stage, ...]:
@@ -122,17 +122,15 @@ def fit_stages(has_photos_of_points: bool) -> tuple[Stage, ...]:
     Args:
         has_photos_of_points: whether it is known which photos show the points.
     """
-    axes = Axes(StageKind.AXES, 1, AXES_ITERATIONS)
-    broad = Axes(StageKind.AXES, ROUNDS, AXES_ITERATIONS, is_broad=True)
+    axes, broad = Axes(), Axes(max_sweeps=ROUNDS, is_broad=True)
     stages: list[Stage] = []
     if has_photos_of_points:
-        stages += [PointGates(StageKind.POINTS, len(GATES), gates=GATES), Judge(StageKind.JUDGE, by="points"), axes]
+        stages += [PointGates(StageKind.POINTS, len(GATES), gates=GATES), Judge(by="points"), axes]
         for number in range(2):  # each allows for half the error of the one before (ledger: surface sweep)
             stages += [PointGates(StageKind.SURFACE_POINTS, len(NEAR_GATES), gates=NEAR_GATES, surface=number), axes]
     rounds = ROUNDS if has_photos_of_points else 3 * ROUNDS
-    stages += [ClosestPoints(StageKind.CLOSEST_POINTS, rounds), broad]
-    stages += [ClosestPoints(StageKind.CLOSEST_POINTS, follows_axes=True), broad]
-    return (*stages, Judge(StageKind.JUDGE, by="photos"))
+    stages += [ClosestPoints(max_sweeps=rounds), broad, ClosestPoints(follows_axes=True), broad]
+    return (*stages, Judge())
 
 
 def numbered(stages: tuple[Stage, ...], first_sweep: int) -> tuple[Stage, ...]:

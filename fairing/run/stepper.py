@@ -7,13 +7,11 @@ import numpy as np
 
 from fairing.errors import InputError
 from fairing.optimize.rows import Term
-from fairing.run.fit_step import fit_step, photo_verdict, point_verdict, smoothing_step
-from fairing.run.fits import applies, terms_of_sweep
-from fairing.run.gauss_newton_step import Proposal, gauss_newton_step, judge, propose
+from fairing.run.fit_step import fit_iteration, iteration_record, photo_verdict, point_verdict, smoothing_iteration
+from fairing.run.gauss_newton_step import Proposal, judge, propose
 from fairing.run.phases import Level
 from fairing.run.pulls import Pull, pulls_at, pulls_of_fit
 from fairing.run.records import empty_record, end_verdict, held_out_points_prefer
-from fairing.run.schedule import next_position
 from fairing.run.stages import ClosestPoints, Judge, Photos, PointGates, Smoothing, Stage
 from fairing.run.sweep import SweepState
 from fairing.run.sweep_cache import SweepCache
@@ -24,14 +22,6 @@ from fairing.stage_kind import StageKind
 from fairing.trace import SchedulePosition, StepRecord, Trace
 
 GAIN = 0.05  # smallest relative decrease of the mean loss (ledger: smoothing the start, fit to sparse points)
-
-
-class _CarriedSystem(NamedTuple):
-    """Normal equations at the end of a step, which the next step of the same block uses."""
-
-    moment: int
-    block: Block
-    system: FaceSystem | None
 
 
 class Trial(NamedTuple):
@@ -62,7 +52,8 @@ class Stepper:
     def __init__(self, problem: Problem, trace: Trace, sweeps: SweepCache) -> None:
         self._problem, self._trace, self._sweeps = problem, trace, sweeps
         self.rehearsed: list[StepRecord] = []
-        self._carried: _CarriedSystem | None = None
+        # A moment, a block, and its normal equations then, which the step before has computed.
+        self._carried: tuple[int, Block, FaceSystem | None] | None = None
         self._terms: tuple[int, tuple[Term, ...]] | None = None
 
     def step_after(self, moment: int) -> StepRecord:
@@ -91,19 +82,14 @@ class Stepper:
 
         Raises: as `step_after`.
         """
-        trace, position, vertices = self._trace, self._sweeps.position_at(moment), self._trace.vertices_at(moment)
-        is_over = position.level >= self._problem.options.n_levels
-        stage = self._sweeps.history.stage_of(position)
+        position, vertices = self._sweeps.position_at(moment), self._trace.vertices_at(moment)
+        is_over, stage = position.level >= self._problem.options.n_levels, self._sweeps.history.stage_of(position)
         if not is_over and not isinstance(stage, Photos | Judge | Smoothing):
             return pulls_of_fit(self._problem, self._terms_of(position, moment), vertices)
         sweep = self._sweeps.at(moment)
-        block, previous = None, None
-        if sweep.blocks and not is_over and isinstance(stage, Photos):
-            block, previous = self._block_and_previous(sweep, position, moment)
-        system = sweep.system if moment == sweep.moment else None
-        if system is None and block is not None and block.coupled:
-            system = self._carried_system(moment, block)
-        return pulls_at(self._problem, sweep, block, trace.vertices_at(moment), previous, system)
+        block, previous = self._block_and_previous(sweep, position, moment)
+        system = self._system_at(moment, sweep, block) if block is None or block.coupled else None
+        return pulls_at(self._problem, sweep, block, vertices, previous, system)
 
     def trial_at(self, moment: int, vertex: int) -> Trial | None:
         """The Gauss-Newton step of a vertex after a moment of a planned run, see `Session.trial`.
@@ -112,19 +98,15 @@ class Stepper:
         """
         problem, trace, sweep = self._problem, self._trace, self._sweeps.at(moment)
         position, vertices = self._sweeps.position_at(moment), trace.vertices_at(moment)
-        block, previous, is_next = None, None, self._is_gauss_newton(moment)
-        if is_next:
-            block, previous = self._block_and_previous(sweep, position, moment)
-        if block is None or vertex not in block.vertices:
+        block, previous = self._block_and_previous(sweep, position, moment)
+        is_next = block is not None and vertex in block.vertices
+        if block is None or not is_next:
             found = [k for k, other in enumerate(sweep.blocks) if vertex in other.vertices]
             if not found:
                 return None
-            block, previous, is_next = sweep.blocks[found[0]], None, False
+            block, previous = sweep.blocks[found[0]], None
             position = position._replace(block=found[0], iteration=0)
-        system = self._carried_system(moment, block)
-        if system is None and moment == sweep.moment and block.coupled:
-            system = sweep.system
-        proposal = propose(problem, sweep, block, vertices, previous, system)
+        proposal = propose(problem, sweep, block, vertices, previous, self._system_at(moment, sweep, block))
         if is_next and moment < len(trace):
             record = trace.steps[moment]
         else:
@@ -140,30 +122,36 @@ class Stepper:
         problem, vertices = self._problem, self._trace.vertices_at(moment)
         sweep = self._sweeps.at(moment)
         level = self._sweeps.history.level_of(position)
-        if not sweep.blocks:
+        block, previous = self._block_and_previous(sweep, position, moment)
+        if block is None:
             following = level.begin_of(level.after(level.stage_at(position.sweep)))
             return empty_record(problem, position, sweep.moment, following)
-        block, previous = self._block_and_previous(sweep, position, moment)
-        system = self._carried_system(moment, block)
-        iteration = gauss_newton_step(problem, sweep, block, position, vertices, previous, system)
-        self._carried = _CarriedSystem(moment + 1, block, iteration.system)
-        return self._continued(iteration.record, sweep, vertices, iteration.is_done)
+        proposal = propose(problem, sweep, block, vertices, previous, self._system_at(moment, sweep, block))
+        iteration = judge(problem, sweep, block, position, vertices, proposal)
+        self._carried = moment + 1, block, iteration.system
+        after = iteration.record.applied_to(vertices)
+        following = level.position_after(
+            position, iteration.is_done, len(sweep.blocks), lambda: sweep.longest_move(problem, after)
+        )
+        return replace(iteration.record, next_position=following)
 
     def _fit_step(self, stage: Stage, position: SchedulePosition, moment: int) -> StepRecord:
         """An iteration of smoothing or of a fit."""
         problem, trace, history = self._problem, self._trace, self._sweeps.history
         vertices, begun = trace.vertices_at(moment), self._sweeps.begun_at(moment)
+        problem.raise_if_cancelled()
         if isinstance(stage, Smoothing):
-            done = smoothing_step(problem, stage, position, begun, trace.vertices_at(begun), vertices)
+            ids, iteration = smoothing_iteration(problem, trace.vertices_at(begun), vertices)
         else:
-            done = fit_step(problem, stage, self._terms_of(position, moment), position, begun, vertices)
+            ids, iteration = fit_iteration(problem, self._terms_of(position, moment), vertices)
+        record, is_done = iteration_record(problem, stage.kind, position, begun, vertices, ids, iteration)
         level, following = history.level_of(position), position._replace(iteration=position.iteration + 1)
-        if done.is_done or following.iteration >= stage.max_iterations:
+        if is_done or following.iteration >= stage.max_iterations:
             following = position._replace(sweep=position.sweep + 1, iteration=0)
         if stage.has(following.sweep):
-            return replace(done.record, next_position=following)
-        after = done.record.applied_to(vertices)
-        return replace(done.record, next_position=level.begin_of(self._after(level, stage, position, moment, after)))
+            return replace(record, next_position=following)
+        next_stage = self._after(level, stage, position, moment, record.applied_to(vertices))
+        return replace(record, next_position=level.begin_of(next_stage))
 
     def _verdict(self, stage: Judge, position: SchedulePosition, moment: int) -> StepRecord:
         """A step of a judge."""
@@ -198,8 +186,7 @@ class Stepper:
         """The terms of the sweep of a fit's step after a moment."""
         begun, history = self._sweeps.begun_at(moment), self._sweeps.history
         if self._terms is None or self._terms[0] != begun:
-            begins = history.part_begun(moment, position), history.stage_begun(moment, position)
-            self._terms = begun, terms_of_sweep(self._problem, self._sweeps.fits, history, position, begins, begun)
+            self._terms = begun, self._sweeps.fits.terms(history, position, begun)
         return self._terms[1]
 
     def _after(
@@ -208,7 +195,7 @@ class Stepper:
         """The next stage after one whose last step follows a moment and leads to vertices (n, 3), world units."""
         begin = self._sweeps.history.part_begun(moment, position)
         fit, following = self._sweeps.fits.begun_at(begin), level.after(stage)
-        while following is not None and not applies(fit, self._problem, following, vertices):
+        while following is not None and not fit.applies(following, vertices):
             # What belongs to searches for points is left out with them.
             skipped = ClosestPoints if isinstance(following, PointGates) else Stage
             following = level.after(following)
@@ -216,21 +203,19 @@ class Stepper:
                 following = level.after(following)
         return following
 
-    def _is_gauss_newton(self, moment: int) -> bool:
-        """Whether the step after a moment is one of photos, with vertices that can move."""
-        position = self._sweeps.position_at(moment)
-        if position.level >= self._problem.options.n_levels:
-            return False
-        return isinstance(self._sweeps.history.stage_of(position), Photos) and len(self._sweeps.at(moment).blocks) > 0
-
     def _block_and_previous(
         self, sweep: SweepState, position: SchedulePosition, moment: int
-    ) -> tuple[Block, StepRecord | None]:
-        """The block of the step after a moment, and its previous iteration in the sweep; None for its first.
+    ) -> tuple[Block | None, StepRecord | None]:
+        """The block of the step after a moment, and its previous iteration in the sweep, None for its first.
+
+        No block where that is no step of photos, or where no vertex can move.
 
         Raises:
             InputError: the trace does not fit the blocks of the sweep.
         """
+        is_over = position.level >= self._problem.options.n_levels
+        if is_over or not sweep.blocks or not isinstance(self._sweeps.history.stage_of(position), Photos):
+            return None, None
         if position.block >= len(sweep.blocks):
             raise InputError(
                 f"trace: continues at block {position.block + 1} of a sweep with {len(sweep.blocks)} blocks; it was recorded "
@@ -245,21 +230,9 @@ class Stepper:
             )
         return block, previous
 
-    def _carried_system(self, moment: int, block: Block) -> FaceSystem | None:
+    def _system_at(self, moment: int, sweep: SweepState, block: Block | None) -> FaceSystem | None:
+        """Normal equations at a moment that are known: of the beginning of its sweep, or what the block's last step left."""
+        if moment == sweep.moment and sweep.system is not None:
+            return sweep.system
         carried = self._carried
-        if carried is None or carried.moment != moment or carried.block is not block:
-            return None
-        return carried.system
-
-    def _continued(
-        self, record: StepRecord, sweep: SweepState, vertices: np.ndarray, block_is_done: bool
-    ) -> StepRecord:
-        """The record with its next position; vertices (n, 3) are the positions before the step."""
-        following = next_position(
-            self._sweeps.schedule.levels[record.position.level],
-            record.position,
-            block_is_done,
-            len(sweep.blocks),
-            lambda: sweep.longest_move(self._problem.scene, record.applied_to(vertices)),
-        )
-        return replace(record, next_position=following)
+        return carried[2] if carried is not None and carried[0] == moment and carried[1] is block else None

@@ -15,13 +15,10 @@ from fairing.optimize.rows import Anchor, Rows, Term
 from fairing.run.fits import points_on_mesh
 from fairing.run.phases import Level
 from fairing.run.stages import PASSES, Photos
-from fairing.scene import Scene
 from fairing.solve.blocks import Block, plan_blocks
-from fairing.solve.energy import FaceSystem
-from fairing.solve.face_loss import loss_of_faces
+from fairing.solve.energy import FaceSystem, loss_of_faces
 from fairing.solve.normal_equations import vertex_systems
 from fairing.solve.problem import Problem
-from fairing.solve.step_limits import pixels_moved, pixels_per_unit
 from fairing.terms.axes import related, relations
 from fairing.terms.closest_points import average_information, closest_points
 from fairing.terms.image_edges import SEARCHES, image_edges
@@ -68,10 +65,10 @@ class SweepState:
     edge_search: tuple[float, float]
     system: FaceSystem | None
 
-    def longest_move(self, scene: Scene, vertices: np.ndarray) -> float:
+    def longest_move(self, problem: Problem, vertices: np.ndarray) -> float:
         """Longest move of a free vertex in a photo since the beginning of the sweep, px; vertices (n, 3): positions now."""
         ids, begun = np.flatnonzero(self.free), self.context.vertices
-        moved = pixels_moved(scene.views, self.context.vertex_views, begun, ids, vertices[ids] - begun[ids])
+        moved = problem.pixels_moved(self.context, begun, ids, vertices[ids] - begun[ids])
         return float(moved.max(initial=0))
 
 
@@ -106,13 +103,12 @@ def begin_sweep(
     context = problem.context(level.number, vertices)
     sigma = problem.sigma(context, vertices)
     scale = problem.norm.squared_scale(sigma)
-    everything = np.arange(len(mesh.faces))
-    system = problem.linearise(context, vertices, everything, np.full(len(everything), -1), scale)
+    system = problem.linearise(context, vertices, scale)
     H, _ = vertex_systems(mesh, system)
     information = np.linalg.eigvalsh(H)[:, 2]
     informed = information > 0
     typical = float(np.median(information[informed])) if informed.any() else 0.0
-    pixels = pixels_per_unit(problem.scene.views, context.vertex_views, vertices)
+    pixels = problem.pixels_per_unit(context, vertices)
     loss = _vertex_losses(mesh, context, system)
     is_smoothed = level.smoothing > 0 and informed.any()
     if level.start_sigma > 0:
@@ -120,7 +116,7 @@ def begin_sweep(
     else:
         terms = [_within_surface(mesh, vertices, origin, context.takes_part, level.prior * np.maximum(information, 0))]
     if is_smoothed:
-        terms.append(_to_smoothed(mesh, vertices, level.smoothing * typical))
+        terms.append(Anchor.uniform(SMOOTHNESS, level.smoothing * typical, smoothed(mesh, vertices, PASSES)))
     if level.attraction > 0:
         variance = _vertex_losses(mesh, context, system, sigma**2)
         terms += _points(problem, vertices, near_points, level.attraction * typical, variance)
@@ -158,8 +154,7 @@ def _to_start(origin: np.ndarray, loss: np.ndarray, precision: np.ndarray) -> An
         loss: (n,) float: mean loss per photo px around each vertex.
         precision: (n,) float: 1 / variance of the start, 1 / world unit^2.
     """
-    strength = RESIDUAL_AREA * loss * precision
-    return Anchor(START, strength[:, None, None] * np.eye(3), origin)
+    return Anchor.uniform(START, RESIDUAL_AREA * loss * precision, origin)
 
 
 def _within_surface(
@@ -185,12 +180,6 @@ def _within_surface(
     values, vectors = np.linalg.eigh(spread / np.maximum(total, 1e-300)[:, None, None])
     flat = (values < 0.01) * strength[:, None]  # a standard deviation of the normals of 6 degrees
     return Anchor(START, np.einsum("vik,vk,vjk->vij", vectors, flat, vectors), origin)
-
-
-def _to_smoothed(mesh: Mesh, vertices: np.ndarray, strength: float) -> Anchor:
-    """Smoothness prior: to vertices (n, 3) after smoothing; strength: energy / world unit^2."""
-    precision = np.tile(strength * np.eye(3), (len(vertices), 1, 1))
-    return Anchor(SMOOTHNESS, precision, smoothed(mesh, vertices, PASSES))
 
 
 def _points(
@@ -232,12 +221,8 @@ def _edges_and_axes(
         H: (n, 3, 3) float: normal matrices of the cells, energy / world unit^2.
     """
     views, faces = problem.scene.views, problem.scene.mesh.faces
-    terms = [
-        image_edges(
-            views, vertices, faces, problem.orientation, search, problem.evaluator.pool, problem.raise_if_cancelled
-        )
-    ]
-    found = relations(vertices, faces, pixel_size([view.camera for view in views], vertices))
+    terms = [image_edges(views, vertices, faces, problem.orientation, search, problem.pool)]
+    found = relations(vertices, faces, pixel_size(problem.cameras, vertices))
     if len(found.pairs):
         terms.append(related(found, vertices))
     terms = [term.scaled(strength) for term in terms]
@@ -263,7 +248,7 @@ def _vertex_losses(mesh: Mesh, context: CellContext, system: FaceSystem, unit: n
     Args:
         unit: (m,) float: of the loss of each face; default: 1.
     """
-    loss, pixels = loss_of_faces(context, system.energy, system.faces)
+    loss, pixels = loss_of_faces(context, system)
     if unit is not None:
         loss = loss * unit[system.faces]
     total, weight = (

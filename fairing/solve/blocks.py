@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fairing.geometry.independent_sets import independent_sets
 from fairing.mesh import Mesh
 
 
@@ -51,20 +52,8 @@ def plan_blocks(mesh: Mesh, free: np.ndarray, order: str, face_energy: np.ndarra
     if order == "worst_first":
         energy = np.array([face_energy[mesh.one_rings[v]].sum() for v in ids])
         return [independent_block(mesh, np.array([v])) for v in ids[np.argsort(-energy, kind="stable")]]
-    return [independent_block(mesh, group) for group in independent_sets(mesh, ids)]
-
-
-def independent_sets(mesh: Mesh, ids: np.ndarray) -> list[np.ndarray]:
-    """Sets of the given vertices (k,) int, no two of a set on one face, by greedy coloring."""
-    neighbours: list[set[int]] = [set() for _ in range(len(mesh.vertices))]
-    for a, b in mesh.edges:
-        neighbours[a].add(int(b))
-        neighbours[b].add(int(a))
-    color = np.full(len(mesh.vertices), -1)
-    for v in ids:
-        taken = {int(color[w]) for w in neighbours[v]}
-        color[v] = next(c for c in range(len(taken) + 1) if c not in taken)
-    return [np.flatnonzero(color == c) for c in range(color.max() + 1)]
+    sets = independent_sets(mesh.faces, ids, len(mesh.vertices))
+    return [independent_block(mesh, group) for group in sets]
 
 
 def independent_block(mesh: Mesh, vertices: np.ndarray) -> Block:

@@ -4,15 +4,14 @@ import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from fairing.cells.context import CellContext
-from fairing.kernels.data import ALTERNATING, ENERGY, STATISTICS, VARIABLE_PROJECTION
+from fairing.kernels.data import Task
 from fairing.kernels.faces import evaluate_faces
-from fairing.options import FairingOptions
 
 MAX_PART_SAMPLES = 25_000_000  # per part of a list, about 0.2 s of work: the latency of a cancellation
 
@@ -43,14 +42,14 @@ class FaceSystem:
         if faces.all():
             return other
         zeros = np.zeros(len(faces))
-        return FaceSystem(
-            self.faces,
-            np.where(faces, other.energy, self.energy),
-            np.where(pairs, other.pair_energy, self.pair_energy),
-            np.where(faces[:, None, None], other.H, self.H),
-            np.where(faces[:, None], other.g, self.g),
-            zeros,
-            zeros,
+        return replace(
+            self,
+            energy=np.where(faces, other.energy, self.energy),
+            pair_energy=np.where(pairs, other.pair_energy, self.pair_energy),
+            H=np.where(faces[:, None, None], other.H, self.H),
+            g=np.where(faces[:, None], other.g, self.g),
+            largest=zeros,
+            median=zeros,
         )
 
 
@@ -96,7 +95,7 @@ class Evaluator:
         Returns:
             The system without residual statistics (they are 0).
         """
-        task = ALTERNATING if solver == "alternating" else VARIABLE_PROJECTION
+        task = Task.ALTERNATING if solver == "alternating" else Task.VARIABLE_PROJECTION
         return self._run(context, vertices, faces, corners, squared_scale, task)
 
     def measure(
@@ -110,13 +109,13 @@ class Evaluator:
             faces: (F,) int: face ids.
             squared_scale: (m,) float, grey levels^2: squared scale of the robust norm by face, see `Norm.squared_scale`.
         """
-        return self._run(context, vertices, faces, np.full(len(faces), -1), squared_scale, STATISTICS)
+        return self._run(context, vertices, faces, np.full(len(faces), -1), squared_scale, Task.STATISTICS)
 
     def energies(
         self, context: CellContext, vertices: np.ndarray, faces: np.ndarray, squared_scale: np.ndarray
     ) -> FaceSystem:
         """Energies alone: `measure` without the residual statistics, which are 0; arguments (n, 3), (F,) and (m,) as there."""
-        return self._run(context, vertices, faces, np.full(len(faces), -1), squared_scale, ENERGY)
+        return self._run(context, vertices, faces, np.full(len(faces), -1), squared_scale, Task.ENERGY)
 
     def _run(self, context, vertices, faces, corners, squared_scale, task) -> FaceSystem:
         data = context.kernel
@@ -134,7 +133,7 @@ class Evaluator:
         def work(part: slice) -> None:
             self._raise_if_cancelled()
             evaluate_faces(
-                data, vertices, faces[part], corners[part], squared_scale, task,
+                data, vertices, faces[part], corners[part], squared_scale, int(task),
                 energy[part], pair_energy, H[part], g[part], statistics[part],
             )  # fmt: skip
 
@@ -160,28 +159,17 @@ class Evaluator:
         return [slice(int(a), int(b)) for a, b in pairwise(cuts)]
 
 
-def fixed_sigma(options: FairingOptions, level: int) -> float | None:
-    """Scale parameter sigma of a level whose rule does not depend on the residuals, grey levels; else None."""
-    is_fixed = options.levels[level].sigma_rule == "fixed"
-    return max(options.robust.sigma, options.robust.sigma_floor) if is_fixed else None
+def loss_of_faces(context: CellContext, system: FaceSystem) -> tuple[np.ndarray, np.ndarray]:
+    """Loss per photo pixel of the faces of a system, (F,) float, and their pixels in all photos, (F,) float.
 
-
-def robust_sigma(options: FairingOptions, level: int, system: FaceSystem) -> np.ndarray:
-    """Scale parameter sigma of the robust norm, by the level's rule.
-
-    Args:
-        system: from `Evaluator.measure`, for its residual statistics.
-
-    Returns:
-        (F,) float, grey levels, for the faces of `system`.
+    The loss is divided by the degrees of freedom, (n - k) / n, so that a face seen by few photos does not appear to fit
+    better. Both are 0 where fewer than three photos see the face.
     """
-    robust, rule = options.robust, options.levels[level].sigma_rule
-    if rule == "paper":
-        sigma = system.largest / np.sqrt(3)
-    elif rule == "convex":
-        sigma = system.largest * np.sqrt(3)
-    elif rule == "mad":
-        sigma = robust.mad_factor * 1.4826 * system.median
-    else:
-        sigma = np.full(len(system.faces), robust.sigma)
-    return np.maximum(sigma, robust.sigma_floor)
+    data, faces = context.kernel, system.faces
+    samples = np.diff(data.grid_start)[data.face_grid]
+    views = np.diff(data.pair_start)
+    total = np.concatenate([[0], np.cumsum(data.pair_weight * np.repeat(samples, views))])
+    pixels = (total[data.pair_start[1:]] - total[data.pair_start[:-1]])[faces]
+    k, n = data.face_dimensions[faces], views[faces]
+    pixels[k == 0] = 0
+    return np.where(k > 0, system.energy / np.maximum(pixels, 1e-12) * n / np.maximum(n - k, 1), 0.0), pixels

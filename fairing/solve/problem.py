@@ -18,10 +18,10 @@ from fairing.norms.built_in import norm_of
 from fairing.norms.norm import Tabulated
 from fairing.options import FairingOptions
 from fairing.scene import Scene
-from fairing.solve.energy import Evaluator, FaceSystem, fixed_sigma, robust_sigma
+from fairing.solve.energy import Evaluator, FaceSystem
 from fairing.solve.locks import locked_by_options
 from fairing.solve.point_split import observed_fitting_points
-from fairing.solve.step_limits import pixels_moved, shortened, unfolded
+from fairing.solve.step_limits import unfolded
 from fairing.work import WorkLog
 
 TOO_MANY_PARTS = (
@@ -49,6 +49,7 @@ class Problem:
         observed_points: see `fairing.solve.point_split.observed_fitting_points`.
         evaluator: computes energies and normal equations.
         norm: of the residuals of photos.
+        cameras: of the photos.
         warnings: of the scene and of the run so far, a line each.
         seconds: time spent on "photos" and on "visibility", s.
 
@@ -68,6 +69,7 @@ class Problem:
         own_norm: Tabulated | None = None,
     ) -> None:
         self.scene, self.options, self.start = scene, options, start
+        self.cameras = [view.camera for view in scene.views]
         self._own_norm = like._own_norm if own_norm is None and like is not None else own_norm
         self.norm = norm_of(options.robust.norm, self._own_norm)
         self.evaluator = Evaluator(options.threads, self.raise_if_cancelled)
@@ -103,7 +105,7 @@ class Problem:
         began, photos_before = time.perf_counter(), self._photos.seconds
         self._photos.begin_level(self.options.levels[level].blur)
         every_face = np.ones(len(self.scene.mesh.faces), dtype=bool)
-        context = self.context_of(every_face, level, vertices, self.options)
+        context = self.context_of(every_face, level, vertices)
         on_photos = self._photos.seconds - photos_before
         self.seconds["photos"] += on_photos
         self.seconds["visibility"] += time.perf_counter() - began - on_photos
@@ -119,14 +121,9 @@ class Problem:
         return context
 
     def context_of(
-        self,
-        faces: np.ndarray,
-        level: int,
-        vertices: np.ndarray,
-        options: FairingOptions,
-        patch_margin: float = PATCH_MARGIN,
+        self, faces: np.ndarray, level: int, vertices: np.ndarray, patch_margin: float = PATCH_MARGIN
     ) -> CellContext:
-        """Visibility and cells of the faces of a mask (m,) bool, under given options.
+        """Visibility and cells of the faces of a mask (m,) bool at a level.
 
         Args:
             vertices: (n, 3) float: positions, world units.
@@ -137,7 +134,6 @@ class Problem:
         """
         self.raise_if_cancelled()
         judged, count = itertools.count(), len(self.scene.views)
-        pool = CancellablePool(self.evaluator.pool, self.raise_if_cancelled)
         with self.work.doing("finding the photos that see each face", count) as work:
 
             def on_view() -> None:
@@ -147,35 +143,32 @@ class Problem:
             return build_context(
                 self.scene,
                 self._photos,
-                options,
+                self.options,
                 level,
                 vertices,
                 self.orientation,
                 faces,
-                pool,
+                self.pool,
                 on_view=on_view,
                 patch_margin=patch_margin,
                 own_norm=self._own_norm,
             )
 
     def sigma(self, context: CellContext, vertices: np.ndarray) -> np.ndarray:
-        """(m,) float: scale parameter of the robust loss by face at vertices (n, 3), grey levels."""
+        """(m,) float: scale parameter of the robust loss by face at vertices (n, 3), grey levels, by the level's rule."""
+        robust, rule = self.options.robust, self.options.levels[context.level].sigma_rule
         n_faces = len(self.scene.mesh.faces)
-        fixed = fixed_sigma(self.options, context.level)
-        if fixed is not None:
-            return np.full(n_faces, fixed)
-        return robust_sigma(self.options, context.level, self.measure(context, vertices, np.ones(n_faces)))
-
-    def measure(self, context: CellContext, vertices: np.ndarray, scale: np.ndarray) -> FaceSystem:
-        """Energies and residuals of all faces, see `Evaluator.measure`.
-
-        Args:
-            vertices: (n, 3) float: positions, world units.
-            scale: (m,) float: of the robust loss by face, see `Norm.squared_scale`.
-        """
-        n_faces = len(self.scene.mesh.faces)
-        with self.work.doing(f"measuring {n_faces} faces"):
-            return self.evaluator.measure(context, vertices, np.arange(n_faces), scale)
+        if rule == "fixed":
+            sigma = np.full(n_faces, robust.sigma)
+        else:
+            with self.work.doing(f"measuring {n_faces} faces"):
+                measured = self.evaluator.measure(context, vertices, np.arange(n_faces), np.ones(n_faces))
+            sigma = {
+                "paper": measured.largest / np.sqrt(3),
+                "convex": measured.largest * np.sqrt(3),
+                "mad": robust.mad_factor * 1.4826 * measured.median,
+            }[rule]
+        return np.maximum(sigma, robust.sigma_floor)
 
     def energies(
         self, context: CellContext, vertices: np.ndarray, scale: np.ndarray, faces: np.ndarray | None = None
@@ -195,22 +188,34 @@ class Problem:
         return self.evaluator.energies(context, vertices, faces, scale)
 
     def linearise(
-        self, context: CellContext, vertices: np.ndarray, faces: np.ndarray, corners: np.ndarray, scale: np.ndarray
+        self,
+        context: CellContext,
+        vertices: np.ndarray,
+        scale: np.ndarray,
+        faces: np.ndarray | None = None,
+        corners: np.ndarray | None = None,
     ) -> FaceSystem:
         """Energies and normal equations of faces, see `Evaluator.linearise`.
 
         Args:
             vertices: (n, 3) float: positions, world units.
-            faces: (F,) int, ids.
-            corners: (F,) int: the corner that moves, -1 for all three.
             scale: (m,) float: of the robust loss by face, see `Norm.squared_scale`.
+            faces: (F,) int, ids; default: all.
+            corners: (F,) int: the corner that moves, -1 for all three; default: all three of each.
 
         Raises:
             Cancelled: cancellation was requested.
         """
         self.raise_if_cancelled()
+        faces = np.arange(len(self.scene.mesh.faces)) if faces is None else faces
+        corners = np.full(len(faces), -1) if corners is None else corners
         with self.work.doing(f"measuring {len(faces)} faces and their derivatives"):
             return self.evaluator.linearise(context, vertices, faces, corners, scale, self.options.step.solver)
+
+    @property
+    def pool(self) -> Executor:
+        """The threads of the evaluator; every piece of work begins with `raise_if_cancelled`."""
+        return CancellablePool(self.evaluator.pool, self.raise_if_cancelled)
 
     def raise_if_cancelled(self) -> None:
         """Called within long computations.
@@ -226,13 +231,34 @@ class Problem:
     def pixels_moved(
         self, context: CellContext, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray
     ) -> np.ndarray:
-        """(u,) float: longest displacement in a photo by steps (u, 3) of vertices `ids` (u,) at positions (n, 3), px."""
-        return pixels_moved(self.scene.views, context.vertex_views, vertices, ids, steps)
+        """(u,) float: longest displacement in a photo of the context, px, to first order.
+
+        Args:
+            vertices: (n, 3) float: positions, world units.
+            ids: (u,) int: vertices that move.
+            steps: (u, 3) float, world units.
+        """
+        longest, seen = np.zeros(len(ids)), context.vertex_views[ids]
+        for v in np.flatnonzero(seen.any(axis=0)).tolist():
+            rows = np.flatnonzero(seen[:, v])
+            J = self.scene.views[v].camera.J_image_wrt_point(vertices[ids[rows]])
+            longest[rows] = np.maximum(longest[rows], np.linalg.norm(np.einsum("nij,nj->ni", J, steps[rows]), axis=1))
+        return longest
+
+    def pixels_per_unit(self, context: CellContext, vertices: np.ndarray) -> np.ndarray:
+        """(n,) float: largest motion of vertices (n, 3) in a photo of the context, px per world unit; 0 where none sees one."""
+        longest = np.zeros(len(vertices))
+        for v, view in enumerate(self.scene.views):
+            ids = np.flatnonzero(context.vertex_views[:, v])
+            J = view.camera.J_image_wrt_point(vertices[ids])
+            longest[ids] = np.maximum(longest[ids], np.linalg.norm(J, 2, axis=(1, 2)) if len(ids) else 0)
+        return longest
 
     def shortened(self, context: CellContext, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Steps (u, 3) float shortened to the capture range of the context's level, world units."""
         longest = self.options.step.max_step * max(1.0, self.options.levels[context.level].blur)
-        return shortened(self.scene.views, context.vertex_views, vertices, ids, steps, longest)
+        pixels = self.pixels_moved(context, vertices, ids, steps)
+        return steps * np.minimum(1, longest / np.maximum(pixels, 1e-12))[:, None]
 
     def unfolded(self, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Steps (u, 3) float shortened until no face folds, world units; and (u,) bool: whose steps were shortened."""

@@ -1,58 +1,9 @@
-"""Step limits: motion of vertices in the photos, capture range, and protection against folded faces."""
-
-from collections.abc import Sequence
+"""Step limits: protection against folded faces."""
 
 import numpy as np
 
 from fairing.geometry.normals import folded_faces
 from fairing.options import StepOptions
-from fairing.scene import View
-
-
-def pixels_moved(
-    views: Sequence[View], vertex_views: np.ndarray, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray
-) -> np.ndarray:
-    """(u,) float: longest displacement of each vertex in a photo, px, to first order.
-
-    Args:
-        vertex_views: (n, V) bool: photos that are used for each vertex.
-        vertices: (n, 3) float: positions, world units.
-        ids: (u,) int: vertices that move.
-        steps: (u, 3) float, world units.
-    """
-    longest = np.zeros(len(ids))
-    seen = vertex_views[ids]
-    for v in np.flatnonzero(seen.any(axis=0)).tolist():
-        rows = np.flatnonzero(seen[:, v])
-        J = views[v].camera.J_image_wrt_point(vertices[ids[rows]])
-        longest[rows] = np.maximum(longest[rows], np.linalg.norm(np.einsum("nij,nj->ni", J, steps[rows]), axis=1))
-    return longest
-
-
-def pixels_per_unit(views: Sequence[View], vertex_views: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """(n,) float: largest motion of each vertex in a photo, px per world unit; 0 where no photo is used.
-
-    Args: see `pixels_moved`.
-    """
-    longest = np.zeros(len(vertices))
-    for v, view in enumerate(views):
-        ids = np.flatnonzero(vertex_views[:, v])
-        J = view.camera.J_image_wrt_point(vertices[ids])
-        longest[ids] = np.maximum(longest[ids], np.linalg.norm(J, 2, axis=(1, 2)) if len(ids) else 0)
-    return longest
-
-
-def shortened(
-    views: Sequence[View],
-    vertex_views: np.ndarray,
-    vertices: np.ndarray,
-    ids: np.ndarray,
-    steps: np.ndarray,
-    longest: float,
-) -> np.ndarray:
-    """Steps (u, 3) float shortened so that no vertex moves farther than `longest` in any photo, px; see `pixels_moved`."""
-    pixels = pixels_moved(views, vertex_views, vertices, ids, steps)
-    return steps * np.minimum(1, longest / np.maximum(pixels, 1e-12))[:, None]
 
 
 def unfolded(

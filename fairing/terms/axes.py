@@ -87,8 +87,7 @@ def narrow_terms(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray) -> 
         faces: (m, 3) int.
         pixel: (n,) float, see `relations`.
     """
-    precision = _finite(pixel)[:, None, None] ** -2.0 * np.eye(3)
-    return related(relations(vertices, faces, pixel), vertices), Anchor(START, precision, vertices)
+    return related(relations(vertices, faces, pixel), vertices), Anchor.uniform(START, _finite(pixel) ** -2.0, vertices)
 
 
 def broad_terms(

@@ -91,5 +91,4 @@ def average_information(term: Term, vertices: np.ndarray, free: np.ndarray) -> f
 
 def anchor(origin: np.ndarray, average: float) -> Anchor:
     """What holds vertices (n, 3) to where they were before the fit, for points of an average information; 0: nothing else does."""
-    precision = REGULARIZATION * (average or 1.0) * np.eye(3)
-    return Anchor(START, np.tile(precision, (len(origin), 1, 1)), origin)
+    return Anchor.uniform(START, REGULARIZATION * (average or 1.0), origin)

@@ -6,7 +6,7 @@ for every segment s of a crease that a photo shows: its offset to the strongest 
 projected crease, and the derivatives of its place in the photo by the ends of the crease. (ledger: creases)
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 
 import numpy as np
@@ -35,7 +35,6 @@ def image_edges(
     orientation: int,
     search: tuple[float, float],
     executor: Executor,
-    raise_if_cancelled: Callable[[], None] = lambda: None,
 ) -> Rows:
     """The term of the creases of a mesh; offsets are those of its vertices, px.
 
@@ -45,14 +44,10 @@ def image_edges(
         orientation: see `find_creases`.
         search: largest offset, and scale of the loss, px.
         executor: runs one task for each photo; the result does not depend on it.
-
-    Raises:
-        Cancelled: by `raise_if_cancelled`.
     """
     creases, (reach, scale) = find_creases(vertices, faces, orientation), search
 
     def measured(view: View) -> Offsets:
-        raise_if_cancelled()
         return offsets_in(view, vertices, faces, creases, reach)
 
     found = Offsets(*(np.concatenate(part) for part in zip(*executor.map(measured, views), strict=True)))

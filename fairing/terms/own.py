@@ -23,7 +23,7 @@ import hashlib
 import inspect
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -32,10 +32,12 @@ from typing import Any
 import numpy as np
 
 from fairing.errors import Cancelled, InputError
+from fairing.geometry.independent_sets import independent_sets
 from fairing.optimize.loss import LeastSquares, Loss
 from fairing.optimize.rows import Linearised, Rows, SumOfRows
 from fairing.scene import Scene
 from fairing.terms.closest_points import average_information
+from fairing.terms.names import TERMS
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,23 +162,21 @@ def begun(term: OwnTerm, scene: Scene, vertices: np.ndarray, free: np.ndarray, t
             )
         return values
 
-    rows = OwnRows(term.name, ids, residual, found.loss, 1.0, 1e-6 * scene.mesh.diagonal, _apart(ids, len(vertices)))
+    sets = independent_sets(ids, np.unique(ids), len(vertices))
+    rows = OwnRows(term.name, ids, residual, found.loss, 1.0, 1e-6 * scene.mesh.diagonal, sets)
     average = average_information(rows, vertices, free)
     if average == 0 or term.strength == 0:
         return None
     return replace(rows, information=term.strength * typical / average)
 
 
-def check_terms(terms: Sequence[OwnTerm], known: Iterable[str]) -> None:
-    """Refuse terms that cannot be told apart, or are none.
-
-    Args:
-        known: names of the built-in terms.
+def check_terms(terms: Sequence[OwnTerm]) -> None:
+    """Refuse terms that cannot be told apart from each other or from the built-in ones, or are none.
 
     Raises:
         InputError: with what is wrong.
     """
-    names = list(known)
+    names = list(TERMS)
     for term in terms:
         kind = type(term).__name__
         if isinstance(term, type) and issubclass(term, OwnTerm):
@@ -221,17 +221,3 @@ def _place(term: OwnTerm, error: Exception) -> str:
     """Where in the term's own file an exception comes from."""
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == term.file]
     return f" ({Path(term.file).name}, line {frames[-1].lineno})" if frames else ""
-
-
-def _apart(ids: np.ndarray, count: int) -> list[np.ndarray]:
-    """Sets of vertices of which no row of ids (r, c) has two, by greedy coloring (Curtis, Powell, Reid 1974)."""
-    neighbours: list[set[int]] = [set() for _ in range(count)]
-    for row in ids.tolist():
-        for vertex in row:
-            neighbours[vertex].update(row)
-    color = np.full(count, -1)
-    for vertex, others in enumerate(neighbours):
-        if others:
-            taken = {int(color[other]) for other in others}
-            color[vertex] = next(c for c in range(len(taken) + 1) if c not in taken)
-    return [np.flatnonzero(color == c) for c in range(color.max(initial=-1) + 1)]

@@ -50,7 +50,7 @@ class PointFit:
 
     def terms(self, vertices: np.ndarray, gate: float) -> tuple[Rows, Anchor]:
         """The points at a gate, percent of the diagonal, and the prior at the start; associations are those of vertices (n, 3)."""
-        found, n = self.assigned(vertices), len(vertices)
+        found = self.assigned(vertices)
         own = np.einsum("qi,qij,qj->q", found.normals, self._covariance[found.points], found.normals)
         points = Rows(
             POINTS,
@@ -61,4 +61,4 @@ class PointFit:
             1 / ((GATES[-1] * self._unit) ** 2 + own),
             GemanMcClure(gate * self._unit),
         )
-        return points, Anchor(START, np.tile(np.eye(3) / self.sigma**2, (n, 1, 1)), self._start.vertices)
+        return points, Anchor.uniform(START, 1 / self.sigma**2, self._start.vertices)
