@@ -1,4 +1,5 @@
-"""Overlay of the 3D view: HTML in its top left corner, without a panel around it. Clicks pass through it."""
+"""Overlay of the 3D view: a legend in its top left corner, without a panel around it. Clicks pass through it; a button folds it,
+since a long one covers a tall mesh."""
 
 import viser
 
@@ -6,8 +7,12 @@ from app.viser_bridge.javascript import run_in_page
 
 OVERLAY_STYLE = """
 #eigenfairing-overlay { position: absolute; left: 12px; top: 10px; padding: 3px 8px; pointer-events: none; max-width: 60%;
-  z-index: 1; background: color-mix(in srgb, var(--well) 75%, transparent); border-radius: 6px; }
-#eigenfairing-overlay:empty { display: none; }
+  display: flex; gap: 6px; align-items: flex-start; z-index: 1; border-radius: 6px;
+  background: color-mix(in srgb, var(--well) 75%, transparent); }
+#eigenfairing-overlay:has(> div:empty) { display: none; }
+#eigenfairing-overlay .fold { order: 1; flex: none; height: 18px; min-width: 18px; padding: 0; pointer-events: auto;
+  background: none; border: none; color: var(--dim); font-size: 12px; }
+#eigenfairing-overlay .fold:hover { color: var(--strong); }
 #eigenfairing-overlay .marks { font-size: 12px; }
 #eigenfairing-overlay .marks i { width: 9px; height: 9px; border-radius: 50%; }
 #eigenfairing-overlay .marks .block { border-radius: 1px; }
