@@ -162,7 +162,7 @@ STYLE = f"""
 .ef .plot {{ width: 100%; height: auto; background: var(--well); border: 1px solid var(--line); border-radius: 4px;
   cursor: pointer; display: block; }}
 .ef div.plot {{ display: flex; align-items: center; justify-content: center; cursor: default; }}
-.ef .plot text {{ font-size: 10.5px; fill: var(--dim); }}
+.ef .plot text {{ font-size: 10.5px; fill: var(--dim); paint-order: stroke; stroke: var(--well); stroke-width: 3px; }}
 .ef .plot.chart {{ cursor: default; }}
 .ef .keys {{ display: grid; grid-template-columns: 1fr 1fr; gap: 0 28px; align-items: start; }}
 .ef .dialog {{ position: relative; }}

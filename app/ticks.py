@@ -34,7 +34,11 @@ def tick_labels(values: np.ndarray) -> list[str]:
     """A distinct label of at most seven characters for each value (n,)."""
     largest = float(np.abs(values).max(initial=0))
     if not LONG <= largest < 1e12 or len(values) < 2:
-        return [number(float(value), 3) for value in values]
+        for digits in (3, 4, 5, 6):
+            labels = [number(float(value), digits) for value in values]
+            if len(set(labels)) == len(labels):
+                break
+        return labels
     apart = np.diff(values)
     if apart.max() > 2 * apart.min():  # a log scale
         return [_in_units(float(value), abs(float(value)), 0) for value in values]

@@ -1,12 +1,17 @@
 """Cuts of photos and faces seen through another photo, against the small scene's exact photos."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
+from PIL import Image
 
 from app.layers.step_arrow import pixel_arrow
 from app.panels.photo_pages import chosen_pair, vertex_in_photos
-from app.pictures.photo_crops import OUTSIDE, Window, face_pair, photo_from_photo
+from app.pictures.photo_crops import OUTSIDE, Window, face_pair, mean_difference, photo_from_photo
 from app.pictures.photo_store import PhotoStore
+from fairing.photo import Mask
 from fairing.run.session import Session
 from tests.small_scene import FACES, VERTICES, cameras, corner_scene, photos, small_options
 
@@ -83,11 +88,43 @@ def test_ghosts_go_when_the_vertex_is_in_its_place():
     start[0] += (0.12, -0.08, 0.1)
     differences = []
     for vertices in (VERTICES, start):
-        corners = vertices[FACES[2]]
-        window = Window.around(cameras()[3].project(corners)[0], 60)
-        pair = face_pair((photos()[2], photos()[3]), (cameras()[2], cameras()[3]), corners, window, affine=False)
-        differences.append(pair.difference)
+        seen = (photos()[2], photos()[3]), (cameras()[2], cameras()[3])
+        differences.append(mean_difference(*seen, vertices[FACES[2]], affine=False))
     assert differences[1] > 1.5 * differences[0], differences
+
+
+def test_the_difference_of_a_pair_is_the_mean_over_the_face():
+    h, w = photos()[0].shape[:2]
+    columns = np.broadcast_to(np.arange(w, dtype=np.uint8)[:, None], (h, w, 3))
+    rows = np.broadcast_to(40 + np.arange(h, dtype=np.uint8)[:, None, None], (h, w, 3))
+    one, other = cameras()[0], cameras()[5]
+    corners = VERTICES[FACES[2]]
+    points = np.random.default_rng(0).dirichlet((1, 1, 1), 100_000) @ corners  # spread evenly over the face
+    apart = one.project(points)[0][:, 0] - (40 + other.project(points)[0][:, 1])
+    assert apart.min() < -5, "neither photo is brighter throughout"
+    assert apart.max() > 5
+    found = mean_difference((columns, rows), (one, other), corners, affine=False)
+    assert found == pytest.approx(np.abs(apart).mean(), abs=0.1)
+    dark = np.zeros_like(rows)
+    affine = mean_difference((columns, dark), (one, other), corners, affine=True)
+    assert affine == pytest.approx(one.project(corners)[0][:, 0].mean(), abs=1e-3), (
+        "of the centroid of the three corners"
+    )
+
+
+def test_a_face_outside_a_photo_has_no_difference():
+    small = photos()[0][:2, :2]
+    found = mean_difference((small, photos()[5]), (cameras()[0], cameras()[5]), VERTICES[FACES[2]], affine=False)
+    assert np.isnan(found)
+
+
+def test_a_photo_as_taken_has_no_marks_of_masked_areas(tmp_path: Path):
+    scene = corner_scene()
+    Image.fromarray(np.zeros(photos()[0].shape[:2], dtype=np.uint8)).save(tmp_path / "mask.png")
+    view = replace(scene.views[0], mask=Mask(tmp_path / "mask.png"))
+    store = PhotoStore(replace(scene, views=(view, *scene.views[1:])))
+    assert np.array_equal(store.as_taken(0), photos()[0])
+    assert not np.array_equal(store[0], photos()[0])
 
 
 def test_crops_know_the_path_and_the_last_step():

@@ -16,7 +16,10 @@ def read(label: str) -> float:
 
 @pytest.mark.parametrize(
     ("low", "high"),
-    [(0, 0.003), (2, 7), (9000, 62_000), (0, 150_000), (3_905_000, 3_943_000), (8e8, 2.1e9), (-4e6, 4e6)],
+    [
+        *((0, 0.003), (2, 7), (14.418, 14.431), (9994.2, 9996.1), (9000, 62_000), (0, 150_000)),
+        *((3_905_000, 3_943_000), (8e8, 2.1e9), (-4e6, 4e6)),
+    ],
 )
 def test_labels_are_short_and_stand_for_their_ticks(low, high):
     values = ticks(low, high)

@@ -2,6 +2,9 @@
 
 It drives the debugger and an exported page in headless Chromium.
 Every picture is a shot of the page in a window of 1280 x 720, saved as a small JPEG in app/pictures.
+
+`python -m tests.tour talk FOLDER` writes three large pictures for a talk instead, see `tests/talk_pictures.py`, into a folder
+that exists.
 """
 
 import io
@@ -33,6 +36,7 @@ from fairing.run.recorded_stages import recorded_stages
 from fairing.run.session import Session
 from fairing.stage_kind import StageKind
 from tests.browser.driver import WINDOW, Visitor, chromium, page_of
+from tests.talk_pictures import NAMES, talk_picture
 from tests.waiting import wait_for
 
 PICTURES = Path(__file__).parents[1] / "app" / "pictures"
@@ -77,6 +81,8 @@ def main(wanted: list[str]) -> None:
     if not wanted or "before_after" in wanted:
         facts = RunFacts(session, PICTURES)
         save("before_after", picture(facts, None, lambda fraction: None))
+    if not wanted or "capture" in wanted:
+        save("capture", np.asarray(talk_picture("capture").resize((WINDOW["width"], WINDOW["height"]))))
 
 
 def begin(visitor: Visitor) -> None:
@@ -300,4 +306,8 @@ def save(name: str, pixels: np.ndarray) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    if sys.argv[1:2] == ["talk"]:
+        for name in NAMES:
+            talk_picture(name).save(Path(sys.argv[2]) / f"{name}.png")
+    else:
+        main(sys.argv[1:])

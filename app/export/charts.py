@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from app.html import number, text
+from app.html import text
 from app.palette import RGB, css
-from app.ticks import log_ticks, ticks
+from app.ticks import log_ticks, tick_labels, ticks
 
 WIDTH, HEIGHT = 560, 210
 LEFT, RIGHT, TOP, BOTTOM = 64, 10, 12, 26
@@ -60,10 +60,11 @@ def curve_chart(
             parts.append(
                 f"<text x='{(left + right) / 2:.1f}' y='{HEIGHT - 8}' text-anchor='middle'>{text(name)}</text>"
             )
-    for value in (log_ticks(low, high) if is_log else ticks(low, high)).tolist():
+    values = log_ticks(low, high) if is_log else ticks(low, high)
+    for value, label in zip(values.tolist(), tick_labels(values), strict=True):
         at = float(y(value))
         parts.append(f"<line x1='{LEFT}' x2='{WIDTH - RIGHT}' y1='{at:.1f}' y2='{at:.1f}' stroke='var(--line)'/>")
-        parts.append(f"<text x='{LEFT - 8}' y='{at + 4:.1f}' text-anchor='end'>{number(value, 3)}</text>")
+        parts.append(f"<text x='{LEFT - 8}' y='{at + 4:.1f}' text-anchor='end'>{label}</text>")
     for moments, line in lines:
         points = " ".join(f"{px:.1f},{py:.1f}" for px, py in zip(x(moments), y(line), strict=True))
         parts.append(f"<polyline points='{points}' fill='none' stroke='{css(color)}' stroke-width='2'/>")

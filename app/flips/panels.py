@@ -32,10 +32,10 @@ def buttons(events: Events, moment: int, length: int, *, is_playing: bool) -> st
     return (
         f"<div class='row'>{one('To the start mesh', 'start', 'start', not at_start)}{play}"
         f"{one('To the last flip', 'end', 'end', not at_end)}</div>"
-        f"<div class='row note'>{one('Back a round ([)', 'bar', 'round_back', not at_start, mirrored=True)}"
+        f"<div class='row note'>{one('Back a round ([)', 'two', 'round_back', not at_start, mirrored=True)}"
         f"{one('Back one flip (,)', 'one', 'back', not at_start, mirrored=True)}"
         f"{one('One flip (.)', 'one', 'forward', not at_end)}"
-        f"{one('On a round (])', 'bar', 'round_on', not at_end)}</div>"
+        f"{one('On a round (])', 'two', 'round_on', not at_end)}</div>"
     )
 
 
@@ -57,7 +57,7 @@ def facts(film: FlipFilm, moment: int) -> str:
         ("edge", f"{a} – {b} became <b>{c} – {d}</b>"),
         ("faces", " · ".join(map(str, flip.faces.tolist()))),
         ("photos of all four faces", str(flip.n_views)),
-        ("loss a pixel in them", f"{number(loss[0], 3)} → {number(loss[1], 3)}"),
+        ("loss per pixel in them", f"{number(loss[0], 3)} → {number(loss[1], 3)}"),
         ("gain", f"<b>{number(loss[0] - loss[1], 3)}</b>"),
         ("energy of the two faces", f"{number(energy[0])} → {number(energy[1])}"),
     ]

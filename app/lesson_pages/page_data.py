@@ -17,7 +17,7 @@ from app.export.texture_keyframes import texture_keyframes
 from app.layers.certainty import ellipsoid_lines
 from app.lesson_pages.playing import PlayedLesson, PlayedStep
 from app.lesson_pages.texts import step_texts
-from app.page_state.cells_state import ARROW_KINDS, HEADS, KINDS, CellsView
+from app.page_state.cells_state import ARROW_KINDS, DIFFERENCE, HEADS, KINDS, CellsView
 from app.page_state.certainty_source import drawn_half_axis
 from app.page_state.page_state import ASSOCIATIONS, LAYERS, PageState
 from app.palette import AXIS_CURVES, REFERENCE, css
@@ -74,6 +74,7 @@ def lesson_data(played: PlayedLesson, on_progress: Callable[[float], None]) -> d
         "steps": steps,
         "reach": reach * stage.scale,
         "kinds": {name: {"head": HEADS[name], "meaning": KINDS[name]} for name in KINDS},
+        "difference": DIFFERENCE,
         "layers": {name: title for name, title in LAYERS.items() if name not in (*ASSOCIATIONS, "pulls")},
         "curves": [css(color) for color in AXIS_CURVES],
     }

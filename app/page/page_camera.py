@@ -8,7 +8,7 @@ import viser
 
 from app.page.camera_view import CameraView
 from app.page.viewpoint import viewpoint
-from app.stage import FIELD_OF_VIEW, Stage
+from app.stage import FIELD_OF_VIEW, FREE_HEIGHT, Stage
 from app.viser_bridge.camera_pose import CameraPose, get_camera_pose, set_camera_pose
 from app.viser_bridge.html_events import Guarded, whole_number
 from app.viser_bridge.theme import Theme
@@ -19,6 +19,8 @@ FLIGHT = tuple(
 )  # shares of the way: slow, fast, slow
 FLIGHT_SECONDS = 0.4
 NARROW = 0.7  # width by height: in narrower views the width limits what is seen
+PHONE = 0.6  # width by height: narrower views are those of phones
+SHEET = 0.54  # of a phone's height: what the main panel covers at most
 
 
 class PageCamera:
@@ -109,12 +111,29 @@ class PageCamera:
         self._stand_at(eye, target)
 
     def _stand_at(self, eye: np.ndarray, target: np.ndarray | None = None) -> None:
-        """Look at a target (3,), page units, by default that of the stage; from farther away in a narrow view, as on a phone."""
-        target = self._stage.target if target is None else target
-        eye = target + max(1.0, NARROW / self._client.camera.aspect) * (eye - target)
+        """Look at a target (3,), page units, by default that of the stage; from farther away in a narrow view, and on a phone
+        so that the mesh is above the main panel."""
+        target, aspect = self._stage.target if target is None else target, self._client.camera.aspect
+        eye = target + max(1.0, NARROW / aspect, FREE_HEIGHT / (1 - SHEET) if aspect < PHONE else 0) * (eye - target)
+        if aspect < PHONE:
+            shift = self._below_panel(eye - target)
+            eye, target = eye + shift, target + shift
         set_camera_pose(
             self._client, CameraPose(np.array(eye), np.array(target), np.array(self._stage.up), FIELD_OF_VIEW)
         )
+
+    def _below_panel(self, backward: np.ndarray) -> np.ndarray:
+        """(3,) float, page units: shift of a phone's camera after which the mesh is in the middle of what its panel leaves free.
+
+        Args:
+            backward: (3,) float, page units: from the target to the eye.
+        """
+        distance, up = np.linalg.norm(backward), np.array(self._stage.up)
+        upward = up - (up @ backward) / distance**2 * backward
+        # Heights of the view. The stage has raised the mesh above the timeline, at its own distance.
+        raised = (1 - FREE_HEIGHT) / 2 * np.linalg.norm(self._stage.eye - self._stage.target) / distance
+        down = (SHEET / 2 - raised) * 2 * np.tan(FIELD_OF_VIEW / 2) * distance
+        return -down * upward / np.linalg.norm(upward)
 
     def _camera_moved(self) -> None:
         if self.camera_view.user_moved_away():

@@ -40,6 +40,7 @@ CROP = "crop"  # the photo around the vertex, enlarged
 PAIR_PICTURES: dict[str, str] = {"average": "average", "warped": "i warped into j", "own": "j"}
 PAIR_TIMES: dict[str, str] = {"start": "At the start", "now": "Now"}
 PAIR_KINDS = tuple(f"{when} {picture}" for when in PAIR_TIMES for picture in PAIR_PICTURES)
+DIFFERENCE = "Mean absolute difference between the two photos on the face, grey levels"
 ARROW_KINDS = ("model", "flow")
 ARROW_SCALES = (1, 3, 10, 30, 100)
 SPANS: dict[str, str] = {"faces": "the faces", "path": "the path"}

@@ -11,11 +11,11 @@ from app.debugger.run_state import Activity, RunState
 from app.debugger.step_text import slot_of
 from app.html import number, text
 from app.page_state.cells_controls import CellsControls
-from app.page_state.cells_state import ARROW_SCALES, CROP, PAIR_PICTURES, PAIR_TIMES, SPANS, CellsView
+from app.page_state.cells_state import ARROW_SCALES, CROP, DIFFERENCE, PAIR_PICTURES, PAIR_TIMES, SPANS, CellsView
 from app.palette import LOCKED, NOW, RGB, SELECTED, START, css, solid
 from app.panels.choice import chip, photo_link
 from app.pictures.cell_images import arrow_path, data_uri
-from app.pictures.photo_crops import FacePair, Window, face_pair
+from app.pictures.photo_crops import FacePair, Window, face_pair, mean_difference
 from app.pictures.photo_store import PhotoStore
 from app.pictures.term_colors import COLOR_OF_TERM
 from app.query_cache import QueryCache
@@ -211,7 +211,11 @@ class PhotoPages:
         pairs = self._face_pairs(known, slot, (first, second), affine, PAIR_SIDE)
         if not pairs:
             return picks + _BEHIND
-        columns = "".join(self._pair_column(when, pair) for when, pair in pairs.items())
+        photos, cameras = (self._photos.as_taken(first), self._photos.as_taken(second)), (i.camera, j.camera)
+        columns = "".join(
+            self._pair_column(when, pair, mean_difference(photos, cameras, corners, affine))
+            for (when, pair), corners in zip(pairs.items(), (known.ring_start[slot], known.ring_now[slot]), strict=True)
+        )
         warp = "the affine map" if affine else "the plane-induced homography"
         return (
             f"{picks}<div class='note dim'>{names[0]} warped into {names[1]} by {warp}. Doubled edges in the average "
@@ -246,7 +250,7 @@ class PhotoPages:
         shown = _pair_picture(pairs[when], when, picture, side)
         return f"{shown}<div class='note dim'>i {names[0]} · j {names[1]}</div>"
 
-    def _pair_column(self, when: str, pair: FacePair) -> str:
+    def _pair_column(self, when: str, pair: FacePair, difference: float) -> str:
         pictures = "".join(
             f"<div role='button' tabindex='0' style='cursor:zoom-in' aria-label='Enlarge {name}, {PAIR_TIMES[when].lower()}' "
             f"{self._controls.enlarged_by(str(self._controls.code(0, f'{when} {picture}')))}>"
@@ -255,7 +259,7 @@ class PhotoPages:
         )
         return (
             f"<div><div class='row'><b class='grow'>{PAIR_TIMES[when]}</b>"
-            f"<span class='dim'>|i − j| {number(pair.difference, 3)}</span></div>{pictures}</div>"
+            f"<span class='dim' title='{DIFFERENCE}'>|i − j| {number(difference, 3)}</span></div>{pictures}</div>"
         )
 
     def _name(self, view_id: int) -> str:

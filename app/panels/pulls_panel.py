@@ -10,7 +10,7 @@ from app.debugger.run_state import RunState
 from app.html import number, text
 from app.page_state.page_state import PULL_SCALES, PageState
 from app.page_state.pull_source import PullSource
-from app.palette import SELECTED, css, solid
+from app.palette import SELECTED, solid
 from app.panels.choice import arrow_scales, choice
 from app.pictures.term_colors import colors_of_terms
 from app.viser_bridge.html_events import HtmlEvents, choice_of
@@ -75,7 +75,7 @@ def pulls_html(found: MomentPulls, vertex: int, when: str, is_over: bool) -> str
     )
     energy = float(np.sum([pull.energy[vertex] for pull in found.pulls]))
     whole = _row(
-        f"<i class='swatch' style='background:{css(SELECTED)}'></i>all",
+        f"<i class='swatch' style='background:{solid(SELECTED)}'></i>all",
         energy,
         float(found.step_px[vertex]),
         float("nan"),

@@ -4,12 +4,16 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from fairing.camera import Camera
+from fairing.cells.layout import cell_grid
+from fairing.cells.scale_space import LUMA
 
 OUTSIDE = 40  # grey level outside the photo
 DIMMED = 0.35  # relative brightness of a photo outside the face
 MAX_OVERSAMPLING = 4
+DIFFERENCE_SAMPLES = 100  # along a leg of the face, see `mean_difference`
 
 
 @dataclass(frozen=True)
@@ -69,14 +73,12 @@ class FacePair:
         own: (side, side, 3) uint8: the face in photo j.
         average: (side, side, 3) uint8: mean of both; the rest of photo j is dimmed.
         outline: (3, 2) float: corners of the face, picture px.
-        difference: mean absolute difference within the face, grey levels.
     """
 
     warped: np.ndarray
     own: np.ndarray
     average: np.ndarray
     outline: np.ndarray
-    difference: float
 
 
 def photo_from_photo(one: Camera, other: Camera, corners: np.ndarray, affine: bool) -> np.ndarray:
@@ -124,13 +126,40 @@ def face_pair(
     size = (window.side, window.side)
     warped, own = (cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in (warped, own))
     inside_small = cv2.resize(inside.astype(np.float32), size, interpolation=cv2.INTER_AREA)[..., None]
-    wholly = inside_small[..., 0] > 0.99
-    apart = np.abs(warped.astype(float) - own).mean(axis=-1)
     both = 0.5 * (warped.astype(float) + own)
     return FacePair(
         warped=(inside_small * warped + (1 - inside_small) * 0.5 * OUTSIDE).astype(np.uint8),
         own=(inside_small * own + (1 - inside_small) * DIMMED * own).astype(np.uint8),
         average=(inside_small * both + (1 - inside_small) * DIMMED * own).astype(np.uint8),
         outline=outline,
-        difference=float(apart[wholly].mean()) if wholly.any() else float("nan"),
     )
+
+
+def mean_difference(
+    photos: tuple[np.ndarray, np.ndarray], cameras: tuple[Camera, Camera], corners: np.ndarray, affine: bool
+) -> float:
+    """Mean absolute difference in luma between a face in two photos, grey levels; `app/web/photos.js` computes the same.
+
+    The samples are spread evenly over the face, independently of any picture's resolution. Only those inside both photos
+    count; NaN if there are none.
+
+    Args:
+        photos: (h, w, 3) uint8.
+        corners: (3, 3) float, world units, in front of both cameras.
+        affine: as in `photo_from_photo`.
+    """
+    a, b = cell_grid(DIFFERENCE_SAMPLES).astype(np.float64)
+    weights = np.stack([a, b, 1 - a - b], axis=1)
+
+    def luma(photo: np.ndarray, camera: Camera) -> np.ndarray:
+        uv = weights @ camera.project(corners)[0] if affine else camera.project(weights @ corners)[0]
+        size = np.array(photo.shape[1::-1])
+        low = np.clip(np.floor(uv.min(axis=0)), 0, size - 1).astype(int)
+        high = np.clip(np.ceil(uv.max(axis=0)) + 1, low + 1, size).astype(int)
+        part = photo[low[1] : high[1], low[0] : high[0]] @ LUMA
+        return map_coordinates(part, (uv - low).T[::-1], order=1, mode="constant", cval=np.nan)
+
+    one, other = (luma(photo, camera) for photo, camera in zip(photos, cameras, strict=True))
+    apart = np.abs(one - other)
+    apart = apart[np.isfinite(apart)]
+    return float(apart.mean()) if len(apart) else float("nan")

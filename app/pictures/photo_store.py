@@ -35,3 +35,12 @@ class PhotoStore:
             while len(self._kept) > 1 and sum(photo.nbytes for photo in self._kept.values()) > MAX_BYTES:
                 self._kept.popitem(last=False)
         return found
+
+    def as_taken(self, view_id: int) -> np.ndarray:
+        """A photo without the marks of masked areas, (h, w, 3) uint8 RGB.
+
+        Raises:
+            InputError: the photo cannot be read.
+        """
+        view = self._scene.views[view_id]
+        return self[view_id] if view.mask is None else view.photo.load()

@@ -1,9 +1,12 @@
 // Photos: stored as tiles, blurred around a face with the sweep's blur, and sampled into cells.
-// Mirrors fairing/cells/scale_space.py, point_spread.py and fairing/kernels/sampling.py.
+// Mirrors fairing/cells/scale_space.py, point_spread.py, fairing/kernels/sampling.py, and `mean_difference` of
+// app/pictures/photo_crops.py.
 import { filtered } from "./fourier.js";
 
 const AROUND = 8; // px around the face that are blurred as well, so that the next moments of the sweep can reuse the part
 const MOST_PARTS = 600; // blurred parts in the cache
+const LUMA = [0.299, 0.587, 0.114]; // of red, green, blue
+const DIFFERENCE_SAMPLES = 100; // along a leg of the face, see `difference`
 const POLE = Math.sqrt(3) - 2; // pole of the inverse filter of the cubic B-spline
 
 export class Photos {
@@ -47,6 +50,42 @@ export class Photos {
       }
     }
     return true;
+  }
+
+  // Mean absolute difference in luma between a face in photos i and j as taken, grey levels; NaN where pixels are missing.
+  difference(i, j, points) {
+    const one = this.corners(i, points), other = this.corners(j, points), size = DIFFERENCE_SAMPLES;
+    if (!one || !other) return NaN;
+    let total = 0, count = 0;
+    for (let r = 0; r < size; r++) {
+      for (let c = 0; c + r < size; c++) {
+        const a = (c + 1 / 3) / size, b = (r + 1 / 3) / size;
+        const [p, q] = [[i, one], [j, other]].map(([view, [s, t, u]]) => {
+          const [x, y, w] = s.map((_, k) => a * s[k] + b * t[k] + (1 - a - b) * u[k]);
+          return this.luma(view, x / w, y / w);
+        });
+        if (p === null || q === null) continue;
+        total += Math.abs(p - q);
+        count++;
+      }
+    }
+    return total / count;
+  }
+
+  // Luma of a photo as taken, by bilinear interpolation; null outside the photo, NaN where its tile is not in the file.
+  luma(view, x, y) {
+    const { tile, channels, unit, views } = this.photos, photo = views[view], { width, height } = photo;
+    if (!(x >= 0 && y >= 0 && x <= width - 1 && y <= height - 1)) return null;
+    const left = Math.min(Math.floor(x), width - 2), top = Math.min(Math.floor(y), height - 2), across = Math.ceil(width / tile), area = tile * tile;
+    const pixel = (column, row) => {
+      const number = photo.at.get(Math.floor(row / tile) * across + Math.floor(column / tile));
+      if (number === undefined) return NaN;
+      const at = number * channels * area + (row % tile) * tile + column % tile;
+      return unit * (channels === 1 ? photo.pixels[at] : LUMA.reduce((sum, share, k) => sum + share * photo.pixels[at + k * area], 0));
+    };
+    const above = pixel(left, top) + (x - left) * (pixel(left + 1, top) - pixel(left, top));
+    const below = pixel(left, top + 1) + (x - left) * (pixel(left + 1, top + 1) - pixel(left, top + 1));
+    return above + (y - top) * (below - above);
   }
 
   // The blurred part of a photo around a face: {left, top, width, height, planes}. Cached while it contains the face.

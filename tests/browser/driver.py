@@ -3,7 +3,7 @@
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -288,13 +288,17 @@ class Visitor:
         self.page.mouse.click(canvas["x"] + x, canvas["y"] + y)
 
     def select_by_click(self, vertex: int) -> None:
-        """Click a vertex until it is selected: the browser drops a click if the node changes between press and release."""
+        """Click a vertex until it is selected."""
         page_state = page_of(self.app).page_state
+        self.use_mouse(lambda: self.click_vertex(vertex), lambda: page_state.selection.vertices == (vertex,))
+
+    def use_mouse(self, gesture: Callable[[], None], has_effect: Callable[[], bool]) -> None:
+        """Make a gesture in the 3D view, up to three times: it has no effect if the node or view changes before the release."""
         for seconds in (20.0, 20.0, PATIENCE):
-            self.click_vertex(vertex)
+            gesture()
             with suppress(AssertionError):
-                return wait_for(lambda: page_state.selection.vertices == (vertex,), seconds)
-        raise AssertionError(f"vertex {vertex} was not selected by three clicks")
+                return wait_for(has_effect, seconds)
+        raise AssertionError(f"three gestures had no effect\n{self.situation()}")
 
     def canvas_box(self) -> dict[str, float]:
         """Where the 3D view is in the window."""

@@ -200,7 +200,11 @@ def test_a_breakpoint_that_is_typed_in_stops_the_run(visitor: Visitor):
 def test_another_k_makes_a_branch_from_here(visitor: Visitor):
     began = visitor.press("Step one sweep")
     visitor.page.get_by_role("tab", name="Options").click()
-    visitor.page.get_by_text("Eigenspace", exact=True).click()
+    title = visitor.page.get_by_text("Eigenspace", exact=True)
+    group = title.locator("..")
+    assert visitor.box_of(group)["height"] < visitor.box_of(title)["height"], "a closed group is no empty box"
+    assert group.evaluate("element => getComputedStyle(element).borderLeftWidth") == "0px"
+    title.click()
     entry = visitor.input_of("dimensions")
     entry.fill("none")
     visitor.button("Continue from here").click()

@@ -1,8 +1,7 @@
 """The box of a mesh that was triangulated from points, in a real browser: its corners are dragged or typed."""
 
 import re
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from fairing.triangulation.points_in_box import box_words
 from tests.browser.driver import IN_BROWSER, Visitor, page_of
 from tests.speckled_corner import views
 from tests.two_levels import two_levels
-from tests.waiting import PATIENCE, wait_for
+from tests.waiting import wait_for
 
 pytestmark = [*IN_BROWSER, pytest.mark.slow]
 
@@ -44,19 +43,15 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
     app.stop()
 
 
-def drag_inwards(visitor: Visitor, is_dragged: Callable[[], bool]) -> None:
-    """Drag the arrow along x of the high corner by half its length: again where the view still moved under the mouse."""
+def drag_inwards(visitor: Visitor) -> None:
+    """Drag the arrow along x of the high corner by half its length."""
+    visitor.wait_until_still()
     mouse = visitor.page.mouse
-    for seconds in (10.0, 10.0, PATIENCE):
-        visitor.wait_until_still()
-        (origin, arrow) = np.array(visitor.page.evaluate(PLACES, ["/chosen_box/high", ALONG_X]))
-        mouse.move(*arrow.tolist())
-        mouse.down()
-        mouse.move(*(arrow - 0.5 * (arrow - origin)).tolist(), steps=5)
-        mouse.up()
-        with suppress(AssertionError):
-            return wait_for(is_dragged, seconds)
-    raise AssertionError(f"the corner of the box did not follow the mouse\n{visitor.situation()}")
+    (origin, arrow) = np.array(visitor.page.evaluate(PLACES, ["/chosen_box/high", ALONG_X]))
+    mouse.move(*arrow.tolist())
+    mouse.down()
+    mouse.move(*(arrow - 0.5 * (arrow - origin)).tolist(), steps=5)
+    mouse.up()
 
 
 def test_the_corners_of_a_box_are_dragged_and_its_words_are_those_of_the_command(visitor: Visitor):
@@ -69,7 +64,7 @@ def test_the_corners_of_a_box_are_dragged_and_its_words_are_those_of_the_command
     assert words.inner_text() == box_words(BOX)
     visitor.close_notifications()
     tab.wait_for_function("() => window.__viserMutable.nodeRefFromName['/chosen_box/high']?.visible")
-    drag_inwards(visitor, lambda: page.page_state.box != BOX)
+    visitor.use_mouse(lambda: drag_inwards(visitor), lambda: page.page_state.box != BOX)
     wait_for(lambda: words.inner_text() == box_words(page.page_state.box or BOX))
     assert page.page_state.box is not None
     assert BOX[0] < page.page_state.box[3] < BOX[3]

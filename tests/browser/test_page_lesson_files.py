@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, ViewportSize
 
+from app.html import number
 from app.lesson_pages import page as lesson_page
 from app.lesson_pages.playing import PlayedLesson, play_lesson
 from app.lessons.reader import lesson_names
+from app.pictures.photo_crops import mean_difference
 from fairing.judge.inspect import energies_by_dimension, face_cells
 from tests.browser.driver import IN_BROWSER, WINDOW
 from tests.browser.lesson_reader import (
@@ -197,6 +199,16 @@ def test_cells_of_a_moved_vertex_and_any_k_are_those_of_the_engine(lessons, desk
     assert profile[len(profile) // 2] == pytest.approx(
         sum(face_cells(session, f, step.moment).energy for f in range(6))
     )
+    desk.page.get_by_role("button", name="Pair", exact=True).click()
+    i, j = desk.page.evaluate("chosenPair(run().cells.viewsOf(2), state.cells.pair)")
+    photos, cameras = zip(
+        *((view.photo.load(), view.camera) for view in (played.scene.views[v] for v in (i, j))), strict=True
+    )
+    shown = [text.rpartition("|i − j| ")[2] for text in desk.page.locator("#pair figure > .dim").all_inner_texts()]
+    moments = (facts.trace.start, facts.trace.vertices_at(step.moment))
+    corners = [vertices[played.scene.mesh.faces[2]] for vertices in moments]
+    debugger = [number(mean_difference(photos, cameras, at, affine=False), 3) for at in corners]
+    assert [float(text) for text in shown] == [float(text) for text in debugger], "as in the debugger"
 
 
 def test_a_vertex_is_dragged_and_the_lesson_resumed(lessons, desk):

@@ -79,7 +79,10 @@ def test_a_phone_shows_the_whole_mesh_and_whole_buttons(visitor: Visitor):
     try:
         visitor.page.keyboard.press("m")
         vertices = range(0, len(visitor.app.controller.scene.mesh.vertices), 7)
-        wait_for(lambda: all(0 < visitor.drawn_at(vertex)[0] < width for vertex in vertices))
+        title = visitor.box_of(visitor.page.get_by_text("EigenFairing ·"))  # of the panel that covers the rest
+        free = (width, title["y"])
+        wait_for(lambda: all((visitor.drawn_at(vertex) > 0).all() for vertex in vertices))
+        wait_for(lambda: all((visitor.drawn_at(vertex) < free).all() for vertex in vertices))
         for name in ("Run", "Step one level"):
             box = visitor.box_of(visitor.button(name))
             assert box["x"] + box["width"] <= width, name

@@ -257,7 +257,14 @@ def test_colours_of_another_quantity_say_so_until_the_chosen_one_is_computed(
     finally:
         may_compute.set()
     overlay.get_by_text("Image flow of each face", exact=True).wait_for()
-    overlay.get_by_text(re.compile(r"^All photos\. Arrows: how far each face is off, ×\d+\.$")).wait_for()
+    arrows = overlay.get_by_text(re.compile(r"^All photos\. Arrows: how far each face is off, ×\d+\.$"))
+    arrows.wait_for()
+    assert visitor.box_of(overlay)["width"] < 200, "leaves the middle of the view to a tall mesh"
+    visitor.button("Fold the legend").click()
+    arrows.wait_for(state="hidden")
+    assert visitor.box_of(overlay)["height"] < 30, "what it covered is in sight"
+    visitor.button("Show the legend").click()
+    arrows.wait_for()
     expect(overlay.get_by_text("Computing")).to_have_count(0)
     visitor.button("Arrows: ×30").click()
     overlay.get_by_text("All photos. Arrows: how far each face is off, ×30.", exact=True).wait_for()

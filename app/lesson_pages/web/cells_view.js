@@ -185,15 +185,19 @@ function showPairPage(vertex, face) {
   const names = [i, j].map((view) => data.photos.views[view].name), moments = { "At the start": run().record.start, Now: positions() };
   $("pair-note").textContent = `${names[0]} warped into ${names[1]} by ${affine ? "the affine map" : "the plane-induced homography"}. Doubled edges in the average show that a vertex is misplaced.`;
   const all = Object.values(moments).flatMap((vertices) => cornersOf(vertices, face)).map((corner) => pictures.pixel(j, corner)), box = pictures.window(all, 0.06);
-  const found = Object.entries(moments).map(([when, vertices]) => [when, pictures.pair(i, j, cornersOf(vertices, face), box, affine, when === "Now" ? data.rgb.now : data.rgb.start)]);
+  const found = Object.entries(moments).map(([when, vertices]) => {
+    const corners = cornersOf(vertices, face), difference = run().cells.photos.difference(i, j, Float32Array.from(corners.flatMap((at) => [...at])));
+    return [when, pictures.pair(i, j, corners, box, affine, when === "Now" ? data.rgb.now : data.rgb.start), difference];
+  });
   const figures = [];
   for (const [kind, caption] of Object.entries({ average: "average", warped: "i warped into j", own: "j" }))
-    for (const [when, pair] of found) {
+    for (const [when, pair, difference] of found) {
       if (!pair) continue;
       pair[kind].setAttribute("role", "img");
       pair[kind].setAttribute("aria-label", `${caption}, ${when.toLowerCase()}`);
-      const head = kind === "average" ? [element("b", {}, when), ` · |i − j| ${brief(pair.difference)}`] : [];
-      figures.push(element("figure", {}, ...(head.length ? [element("div", { className: "dim" }, ...head)] : []), element("div", { className: "picture" }, pair[kind]), element("figcaption", {}, caption)));
+      const value = Number.isNaN(difference) ? "" : ` · |i − j| ${brief(difference)}`;
+      const head = kind === "average" ? [element("div", { className: "dim", title: data.difference }, element("b", {}, when), value)] : [];
+      figures.push(element("figure", {}, ...head, element("div", { className: "picture" }, pair[kind]), element("figcaption", {}, caption)));
     }
   $("pair").replaceChildren(...figures);
 }

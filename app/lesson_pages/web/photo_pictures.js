@@ -90,14 +90,13 @@ export class PhotoPictures {
     return [0, 1, 2].map((row) => q.map(([u, v, w]) => [u, v, 1][row] * (affine ? 1 : w)));
   }
 
-  // A face in photos i and j, in a window of photo j: canvases {average, warped, own} and the mean difference; null behind a camera.
+  // A face in photos i and j, in a window of photo j: canvases {average, warped, own}; null behind a camera.
   pair(i, j, corners, box, affine, color) {
     const one = this.cornersOf(i, corners, affine), other = this.cornersOf(j, corners, affine);
     if (!one || !other) return null;
     const inverse = inverted(other), [first, second] = [this.pixelsOf(i), this.pixelsOf(j)], side = PAIR_SIDE, step = box.span / side;
     const canvases = Object.fromEntries(["average", "warped", "own"].map((name) => [name, Object.assign(document.createElement("canvas"), { width: side, height: side })]));
     const images = Object.fromEntries(Object.keys(canvases).map((name) => [name, new ImageData(side, side)]));
-    let total = 0, count = 0;
     const a = [0, 0, 0], b = [0, 0, 0];
     for (let y = 0; y < side; y++)
       for (let x = 0; x < side; x++) {
@@ -108,8 +107,6 @@ export class PhotoPictures {
         if (isInside) {
           const [p, q, w] = one.map((row) => row[0] * bary[0] + row[1] * bary[1] + row[2] * bary[2]);
           readPixel(first, p / w, q / w, a);
-          total += (Math.abs(a[0] - b[0]) + Math.abs(a[1] - b[1]) + Math.abs(a[2] - b[2])) / 3;
-          count++;
         }
         for (let c = 0; c < 3; c++) {
           images.own.data[at + c] = isInside ? b[c] : DIMMED * b[c];
@@ -129,7 +126,7 @@ export class PhotoPictures {
       Object.assign(context, { strokeStyle: color, lineWidth: 1.5 });
       context.stroke();
     }
-    return { ...canvases, difference: total / Math.max(1, count) };
+    return canvases;
   }
 }
 
