@@ -283,8 +283,7 @@ def test_two_browsers_share_the_run_but_not_the_selection(browser, visitor: Visi
         state = other.press("Step one vertex")
         for tab in (visitor, other):
             tab.sees_vertices(page_vertices(visitor.app, state.moment))
-        other.click_vertex(6)
-        wait_for(lambda: views[1].selected == 6)
+        other.use_mouse(lambda: other.click_vertex(6), lambda: views[1].selected == 6)
         assert views[0].selected != 6
         assert other.troubles == []
     finally:

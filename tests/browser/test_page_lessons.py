@@ -147,12 +147,14 @@ def test_the_lesson_on_photographs_opens_the_archway_in_their_place(visitor: Vis
 def test_a_lesson_on_another_scene_opens_that_and_runs_there(visitor: Visitor):
     choose_lesson(visitor, "robust")
     wait_for_scene(visitor, "occluded-cube")
-    finish(visitor)
+    visitor.page.keyboard.press("PageDown")
+    arrive(visitor, 1)
 
 
 def test_runs_of_ones_own_are_not_left_unasked(visitor: Visitor):
     app = visitor.app
     close_lesson(visitor)
+    visitor.press("Step one iteration")
     choose_lesson_by_palette(visitor, "model")
     visitor.page.get_by_text("The runs on this scene are closed").wait_for()
     visitor.button("Stay here").click()

@@ -49,18 +49,18 @@ def selected(visitor: Visitor) -> list[int]:
 def test_a_click_selects_one_vertex_and_with_shift_several(visitor: Visitor):
     # At first the viewer's note on software rendering lies over vertices 2 and 3.
     view = page_of(visitor.app).page_state
-    visitor.click_vertex(0)
-    wait_for(lambda: view.selection.vertices == (0,))
+
+    def click(vertex: int, *selected: int) -> None:
+        visitor.use_mouse(lambda: visitor.click_vertex(vertex), lambda: view.selection.vertices == selected)
+
+    click(0, 0)
     visitor.page.keyboard.down("Shift")
-    visitor.click_vertex(4)
-    wait_for(lambda: view.selection.vertices == (0, 4))
-    visitor.click_vertex(0)
-    wait_for(lambda: view.selection.vertices == (4,))
-    visitor.click_vertex(0)
+    click(4, 0, 4)
+    click(0, 4)
+    click(0, 4, 0)
     visitor.page.keyboard.up("Shift")
     visitor.page.get_by_text("and 1 more selected").wait_for()
-    visitor.click_vertex(4)
-    wait_for(lambda: view.selection.vertices == (4,))
+    click(4, 4)
 
 
 def test_the_energy_along_the_axes_is_drawn_for_the_selected_vertex_in_both_themes(visitor: Visitor):
@@ -217,7 +217,7 @@ def test_vertices_are_selected_by_number_and_the_field_shows_the_selection(visit
     entry.fill("2, 400")
     entry.press("Enter")
     visitor.toast("expected numbers 0 to 6, found 400").wait_for()
-    visitor.click_vertex(0)
+    visitor.select_by_click(0)
     wait_for(lambda: entry.input_value() == "0")
 
 
@@ -253,7 +253,7 @@ def test_a_vertex_is_dragged_and_the_move_is_part_of_the_record(visitor: Visitor
     visitor.press("Step one iteration")
     controller.post(JumpTo(-1))
     began = controller.wait_until_idle()
-    visitor.click_vertex(0)
+    visitor.select_by_click(0)
     visitor.page.get_by_text("Drag the yellow ball").wait_for()
     x, y = visitor.drawn_at(0) + corner
     visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/drag_handle/ball']?.visible")
@@ -286,8 +286,7 @@ def test_locked_vertices_are_drawn_as_blocks_and_cannot_be_dragged(visitor: Visi
     visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/vertices/locked']?.visible")
     visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/drag_handle/ball']?.visible")
     visitor.page.get_by_text("shown as a block").wait_for()
-    visitor.click_vertex(2)
-    wait_for(lambda: selected(visitor) == [2])
+    visitor.select_by_click(2)
     assert np.flatnonzero(visitor.key("f").locked).tolist() == [4]
 
 

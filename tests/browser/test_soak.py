@@ -13,7 +13,7 @@ pytestmark = IN_BROWSER
 @pytest.mark.slow
 def test_every_action_has_its_effect(browser: Browser):
     server = Server()
-    users = Users(browser, server, seed=3, pace=0.0)
+    users = Users(browser, server, seed=3, pages=1, pace=0.0)
     users.act("branch")  # a second run, which can be deleted
     for name in WEIGHTS:
         users.act(name)

@@ -59,7 +59,7 @@ def soak(minutes: float, seed: int, pace: float) -> int:
     watching.start()
     began = time.monotonic()
     with chromium() as browser:
-        users = Users(browser, server, seed, pace)
+        users = Users(browser, server, seed, pages=3, pace=pace)
         with suppress(KeyboardInterrupt):
             while time.monotonic() < began + 60 * minutes:
                 users.act()

@@ -14,7 +14,6 @@ from tests.soak.served import Facts
 from tests.soak.server import Server
 from tests.waiting import PATIENCE
 
-PAGES = 3
 MOST_RUNS = 4
 MOST_STEPS = 400  # of a run; a longer one is restarted, because a record grows by design
 
@@ -41,9 +40,10 @@ class NoEffectError(Exception):
 
 
 class Users:
-    """Three pages.
+    """Users of some pages of one debugger.
 
     Args:
+        pages: how many.
         pace: factor for the pauses between actions; a larger one leaves more of the machine to others.
 
     Attributes:
@@ -51,10 +51,10 @@ class Users:
         refused: how often the debugger refused an action with an error message.
     """
 
-    def __init__(self, browser: Browser, server: Server, seed: int, pace: float) -> None:
+    def __init__(self, browser: Browser, server: Server, seed: int, pages: int, pace: float) -> None:
         self._browser, self._server, self._random, self._pace = browser, server, random.Random(seed), pace
         self._app: Any = SimpleNamespace(url=server.url)  # pages are opened by the address alone
-        self.visitors = [self._visitor() for _ in range(PAGES)]
+        self.visitors = [self._visitor() for _ in range(pages)]
         self._troubles: list[str] = []
         self._problems = 0
         self.done: Counter[str] = Counter()
@@ -81,7 +81,7 @@ class Users:
 
     def act(self, name: str | None = None) -> None:
         """One action on one page, at random if no name is given."""
-        k, facts = self._random.randrange(PAGES), self._server.facts()
+        k, facts = self._random.randrange(len(self.visitors)), self._server.facts()
         self._problems = facts.problems
         if name is None and len(facts.runs) > MOST_RUNS:
             name = "delete run"
@@ -313,7 +313,10 @@ class Users:
         """Do what replaces a page, and wait until the server has a new one and not the old one."""
         newest = max(page["client"] for page in self._server.facts().pages)
         act()
-        self._until("a new page", lambda now: len(now.pages) == PAGES and max(p["client"] for p in now.pages) > newest)
+        self._until(
+            "a new page",
+            lambda now: len(now.pages) == len(self.visitors) and max(p["client"] for p in now.pages) > newest,
+        )
 
     def _count(self, name: str, value: object) -> int:
         return _count(self._server.facts(), name, value)

@@ -16,7 +16,7 @@ function newOverlay() {
   const content = document.createElement("div");
   const fold = (isFolded) => {
     content.hidden = isFolded;
-    button.textContent = isFolded ? "▸ Legend" : "▾";
+    button.innerHTML = isFolded ? '<span aria-hidden="true">▸</span> Legend' : '<span aria-hidden="true">▾</span>';
     button.title = isFolded ? "Show the legend" : "Fold the legend";
     button.setAttribute("aria-expanded", String(!isFolded));
   };
