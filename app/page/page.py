@@ -108,9 +108,12 @@ class Page:
         self.camera.camera_view.show_overlay(state, vertices, page_state)
 
     def _pick_face(self, state: RunState) -> None:
-        """Show the face with the largest energy around a vertex that was just selected, once energies are known."""
+        """Show the face with the largest energy around a vertex that was just selected, once energies are known.
+
+        Not while vertices move: its cells are computed when they rest, and those on the page would be gone until then.
+        """
         page_state, mesh = self.page_state, self._resources.scene.mesh
-        if not page_state.picks_face or page_state.selected is None:
+        if not page_state.picks_face or page_state.selected is None or state.is_moving:
             return
         ring = mesh.one_rings[page_state.selected]
         known = self._resources.residuals.of(state)
