@@ -120,8 +120,8 @@ def test_the_offset_is_the_distance_to_the_image_edge(views: list[View], shift: 
     assert len(found.offset) >= 4
     sideways = found.px_per_move[:, 0]  # px to the side for a move by one unit along x
     assert np.abs(sideways) == pytest.approx(K[0, 0] / ROOF[2, 2], rel=1e-6)
-    # A parabola through profiles every 0.5 px is up to 0.05 px off.
-    assert np.sign(sideways) * found.offset == pytest.approx(-shift * np.ones(len(found.offset)), abs=0.06)
+    # A parabola through profiles every 0.5 px is up to 0.05 px off, and single precision a little more.
+    assert np.sign(sideways) * found.offset == pytest.approx(-shift * np.ones(len(found.offset)), abs=0.05001)
     assert ((found.along > 0) & (found.along < 1) & (found.weight > 0)).all()
 
 
