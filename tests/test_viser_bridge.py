@@ -1,13 +1,18 @@
 """The room of viser's workarounds: nothing else uses viser's private names, and values from browsers are checked."""
 
 import re
+from contextlib import nullcontext
+from copy import copy
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 import viser
 
 from app.viser_bridge import __doc__ as ROOM  # noqa: N812
+from app.viser_bridge.camera_pose import CameraPose, set_camera_pose
 from app.viser_bridge.error_toasts import TOAST_SECONDS, ErrorToasts, NothingToDo
 from app.viser_bridge.html_events import Events, choice_of, integer, line_of_text, press, whole_number
 from fairing.errors import InputError
@@ -121,3 +126,28 @@ def test_a_request_with_nothing_to_act_on_is_no_error():
 
     ErrorToasts(client).without_event(fail)()  # pyright: ignore[reportArgumentType]
     assert client.shown == [("the run has finished", "gray")]
+
+
+@pytest.mark.parametrize("report_after", range(1, 9))
+def test_a_pose_arrives_also_when_the_browser_reports_it_while_it_is_sent(report_after: int):
+    """As when a key that was pressed before has just moved the camera there."""
+    pose = CameraPose(np.array([1.0, 2, 3]), np.array([0.0, 0, 1]), np.array([0.0, 0, 1]), 0.9)
+    sent: list[Any] = []
+
+    def queue_message(message: Any) -> None:
+        sent.append(message)
+        if len(sent) == report_after:
+            client.camera._state = report
+
+    client: Any = SimpleNamespace(atomic=nullcontext, _websock_connection=SimpleNamespace(queue_message=queue_message))
+    client.camera = viser.CameraHandle(client)
+    state = client.camera._state
+    state.position, state.look_at, state.up_direction, state.fov = pose.position, pose.target, pose.up, pose.fov
+    state.update_timestamp = 1.0
+    report = copy(state)
+    set_camera_pose(client, pose)
+    last = {type(message).__name__: message for message in sent}
+    assert np.allclose(last["SetCameraPositionMessage"].position, pose.position)
+    assert np.allclose(last["SetCameraLookAtMessage"].look_at, pose.target)
+    assert np.allclose(last["SetCameraUpDirectionMessage"].position, pose.up)
+    assert last["SetCameraFovMessage"].fov == pose.fov

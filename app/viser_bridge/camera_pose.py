@@ -1,5 +1,6 @@
 """Poses of a browser's camera, written so that they always arrive."""
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,16 +33,18 @@ def get_camera_pose(client: viser.ClientHandle) -> CameraPose:
 
 
 def set_camera_pose(client: viser.ClientHandle, pose: CameraPose) -> None:
-    """Move the camera there.
+    """Move the camera there; the client's camera has the pose once the browser has reported it.
 
     viser 1.1.1 sends only what differs from the browser's last report, which may be older than what was sent last. So
-    everything is set to another value first.
+    everything is set to another value first, on a copy that no report can change in between.
     """
     side = np.cross(pose.up, np.eye(3)[np.argmin(np.abs(pose.up))])
     elsewhere = CameraPose(pose.position + ELSEWHERE, pose.position + ELSEWHERE + side, side, pose.fov / 2)
+    camera = copy(client.camera)
+    camera._state = copy(camera._state)
     with client.atomic():
         for wanted in (elsewhere, pose):
-            client.camera.position = wanted.position
-            client.camera.look_at = wanted.target
-            client.camera.up_direction = wanted.up
-            client.camera.fov = wanted.fov
+            camera.position = wanted.position
+            camera.look_at = wanted.target
+            camera.up_direction = wanted.up
+            camera.fov = wanted.fov
