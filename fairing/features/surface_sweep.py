@@ -6,9 +6,9 @@ in small windows. The best copy of a pixel gives its depth; it counts where that
 need distinct texture; these points cover all textured parts, but only within reach of the start. (ledger: surface sweep)
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -23,6 +23,7 @@ from fairing.mesh import Mesh
 from fairing.photo import grey_levels
 from fairing.scene import View
 
+T = TypeVar("T")
 MEGAPIXELS = 0.35
 """Larger photos are reduced to this size ..."""
 LARGEST_ERROR = 6.0
@@ -69,10 +70,17 @@ class SurfaceSweep:
     Args:
         executor: runs one task for each photo; the result does not depend on it.
         check: called for every copy of the mesh, from several threads; may raise `Cancelled`.
+        on_progress: called with the part of a sweep that is done, 0 to 1.
     """
 
-    def __init__(self, views: Sequence[View], executor: Executor, check: Callable[[], None] = lambda: None) -> None:
-        self._views, self._executor, self._check = views, executor, check
+    def __init__(
+        self,
+        views: Sequence[View],
+        executor: Executor,
+        check: Callable[[], None] = lambda: None,
+        on_progress: Callable[[float], None] = lambda part: None,
+    ) -> None:
+        self._views, self._executor, self._check, self._on_progress = views, executor, check, on_progress
         self._neighbors = nearest_photos([view.camera for view in views], NEIGHBORS, FeatureOptions.axis_angle)
 
     def points(self, mesh: Mesh, error: float) -> FeaturePoints:
@@ -83,14 +91,14 @@ class SurfaceSweep:
         Raises:
             Cancelled: by `check`.
         """
-        photos = list(self._executor.map(lambda view: _reduced(view, error), self._views))
+        photos = list(self._followed(self._executor.map(lambda view: _reduced(view, error), self._views), 0.0))
 
         def depths(number: int) -> _Depths:
             px = self._views[number].camera.width / photos[number].camera.width
             return self._depths(photos, number, mesh, error / px)
 
         every = range(len(photos))
-        found = list(self._executor.map(depths, every))
+        found = list(self._followed(self._executor.map(depths, every), 0.5))
         parts = [self._points_of(photos, number, found) for number in every]
         positions, covariance, photo, faces = (np.concatenate(values) for values in zip(*parts, strict=True))
         if len(positions) == 0:
@@ -101,6 +109,12 @@ class SurfaceSweep:
             positions, covariance, np.zeros((count, 3), np.uint8), np.arange(count + 1), photo,
             np.zeros((count, 2)), np.zeros(count), SIGMA,
         )  # fmt: skip
+
+    def _followed(self, of_photos: Iterator[T], begin: float) -> Iterator[T]:
+        """The results of half of a sweep, of which each tells the progress."""
+        for number, result in enumerate(of_photos):
+            self._on_progress(begin + 0.5 * (number + 1) / len(self._views))
+            yield result
 
     def _depths(self, photos: list[_Reduced], number: int, mesh: Mesh, error: float) -> _Depths:
         """Depths of the pixels of a photo; error: of the mesh, px of the reduced photo."""

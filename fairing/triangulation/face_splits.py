@@ -6,12 +6,10 @@ covariances explain, it is divided in four and the new vertices are fitted to th
 surface whose faces they do not lie clearly nearer to than before is taken back. (ledger: face splits)
 """
 
-import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -76,8 +74,7 @@ def split_faces(
     mesh = Mesh(vertices, faces)
     for number in range(rounds):
         show = partial(_show, on_progress, number, rounds)
-        counting = _Counting(executor, partial(_show_sweep, show, len(views)))
-        points = SurfaceSweep(views, counting, check).points(mesh, SWEEP_ERROR)
+        points = SurfaceSweep(views, executor, check, partial(_show_sweep, show)).points(mesh, SWEEP_ERROR)
         show(SWEEP_SHARE, "splitting and judging")
         done = _Round([view.camera for view in views], mesh, points, check).result(smallest)
         yield done
@@ -90,27 +87,8 @@ def _show(on_progress: Callable[[float, str], None], number: int, rounds: int, p
     on_progress((number + part) / rounds, f"face splits, round {number + 1} of {rounds}: {line}")
 
 
-def _show_sweep(show: Callable[[float, str], None], n_photos: int, done: int) -> None:
-    show(SWEEP_SHARE * done / (2 * n_photos), "points near the surface")  # a sweep has two tasks for each photo
-
-
-class _Counting(Executor):
-    """Runs tasks on another executor; on_done is called with the number of those done, from its threads."""
-
-    def __init__(self, executor: Executor, on_done: Callable[[int], None]) -> None:
-        self._executor, self._on_done = executor, on_done
-        self._done, self._lock = 0, threading.Lock()
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future:
-        def counted() -> Any:
-            result = fn(*args, **kwargs)
-            with self._lock:
-                self._done += 1
-                done = self._done
-            self._on_done(done)
-            return result
-
-        return self._executor.submit(counted)
+def _show_sweep(show: Callable[[float, str], None], part: float) -> None:
+    show(SWEEP_SHARE * part, "points near the surface")
 
 
 class _Points:
