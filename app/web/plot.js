@@ -1,6 +1,6 @@
 // Plot of a quantity over moments with a cursor; a click or drag goes to the moment under the pointer.
 import { svg } from "./dom.js";
-import { brief } from "./numbers.js";
+import { brief, tickLabel } from "./numbers.js";
 
 export class Plot {
   // lines: [{moments, values}]; others: lines of another run for comparison, in `otherColor`, of `otherLength` steps: the axis is the share of each
@@ -38,11 +38,11 @@ export class Plot {
       if (tint) svg("rect", { x: this.x(first), y: this.top - 4, width: this.x(end) - this.x(first), height: this.height - this.top - this.bottom + 4, style: `fill:${tint};opacity:.14` }, this.svg);
       else if (k % 2) svg("rect", { x: this.x(first), y: this.top - 4, width: this.x(end) - this.x(first), height: this.height - this.top - this.bottom + 4, class: "band" }, this.svg);
     });
-    const ticks = this.ticks(), digits = [3, 4, 5].find((count) => new Set(ticks.map((tick) => brief(tick, count))).size === ticks.length) ?? 6;
+    const ticks = this.ticks(), digits = [3, 4, 5].find((count) => new Set(ticks.map((tick) => tickLabel(tick, count))).size === ticks.length) ?? 6;
     for (const tick of ticks) {
       const y = this.y(tick);
       svg("line", { x1: this.left, x2: this.width - this.right, y1: y, y2: y, class: "grid" }, this.svg);
-      svg("text", { x: this.left - 6, y: y + 4, "text-anchor": "end" }, this.svg).textContent = brief(tick, digits);
+      svg("text", { x: this.left - 6, y: y + 4, "text-anchor": "end" }, this.svg).textContent = tickLabel(tick, digits);
     }
     svg("text", { x: 4, y: 12, class: "name" }, this.svg).textContent = this.title;
     this.reading = svg("text", { x: this.width - this.right, y: 12, "text-anchor": "end", class: "reading" }, this.svg);

@@ -5,7 +5,7 @@ import {
 } from "./lesson_state.js";
 import { LessonViewer } from "./lesson_viewer.js";
 import { $, chip, element, fillGroup, label, press } from "../../web/dom.js";
-import { brief } from "../../web/numbers.js";
+import { brief, tickLabel } from "../../web/numbers.js";
 import { openPage, viewOrNote } from "../../web/open_page.js";
 import { Playback } from "../../web/playback.js";
 import { Plot } from "../../web/plot.js";
@@ -136,8 +136,8 @@ function showProfile() {
   $("profile").hidden = !isShown;
   if (!isShown) return;
   const at = [0, 1, 2].map((axis) => (state.offset ? 100 * state.offset.by[axis] / data.stage.pageFromWorld : 0));
-  const reach = profile.offsets.at(-1), labels = [-reach, 0, reach].map((offset) => `${offset > 0 ? "+" : ""}${brief(offset)}${data.isCube ? " %" : ""}`);
-  drawProfile($("profile"), { ...profile, at, colors: data.curves, labels, distance: `${brief(reach)} hundredths of a unit` });
+  const reach = profile.offsets.at(-1), labels = [-reach, 0, reach].map((offset) => `${offset > 0 ? "+" : ""}${tickLabel(offset)}${data.isCube ? " %" : ""}`);
+  drawProfile($("profile"), { ...profile, at, colors: data.curves, labels, distance: `${tickLabel(reach)} hundredths of a unit` });
 }
 
 // ---------------------------------------------------------------- time
