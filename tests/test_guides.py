@@ -22,7 +22,6 @@ import app.guides
 import fairing
 import fairing.io
 from app.cli.main import run
-from app.guides.__main__ import main
 from app.guides.guide import NAMES, ROOT, Guide, guides
 from app.guides.site import API, write_site
 from app.lessons.reader import load_lesson
@@ -170,16 +169,21 @@ def test_the_search_contains_a_word_of_each_guide_and_its_sections(site, name):
 
 def test_a_folder_of_somebody_else_is_refused_with_one_line(tmp_path, capsys):
     (tmp_path / "mine.txt").write_text("mine")
-    assert main([str(tmp_path)]) == 1
+    assert run(["docs", "--out", str(tmp_path)]) == 1
     assert capsys.readouterr().err.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
-    assert main([]) == 2
+
+
+def test_the_command_writes_the_site(tmp_path, capsys):
+    assert run(["docs", "--out", str(tmp_path / "site")]) == 0
+    assert (tmp_path / "site" / "guides" / "method.html").is_file()
+    assert str(tmp_path / "site" / "index.html") in capsys.readouterr().err.replace("\n", "")
 
 
 def test_without_pdoc_one_line_says_what_to_install(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    assert main([str(tmp_path / "site")]) == 1
-    assert re.fullmatch(r"eigenfairing: .*pip install .*docs.*\n", capsys.readouterr().err)
+    assert run(["docs", "--out", str(tmp_path / "site")]) == 1
+    assert re.fullmatch(r"eigenfairing: docs: .*pip install .*docs.*\n", capsys.readouterr().err)
     assert not (tmp_path / "site").exists()
 
 

@@ -1,11 +1,12 @@
 """Layers and panels of other packages, in a real browser."""
 
+import io
 import sys
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from app.page.server import App, start
 from demo_scenes import load_demo
@@ -41,8 +42,8 @@ def area(vertices: np.ndarray, faces: np.ndarray) -> float:
 
 def test_a_layer_draws_a_thin_line_for_each_face(visitor: Visitor):
     def drawn() -> int:
-        picture = cv2.imdecode(np.frombuffer(visitor.page.screenshot(), dtype=np.uint8), cv2.IMREAD_COLOR)
-        return int((np.abs(picture[..., ::-1].astype(int) - NORMALS).max(axis=-1) < 24).sum())
+        picture = np.asarray(Image.open(io.BytesIO(visitor.page.screenshot())).convert("RGB"), dtype=int)
+        return int((np.abs(picture - NORMALS).max(axis=-1) < 24).sum())
 
     wait_for(lambda: 60 < drawn() < 2_000, seconds=60)  # px: six lines, 20 px long and 2 px wide
 
