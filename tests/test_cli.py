@@ -318,10 +318,9 @@ def test_the_module_runs_as_a_command():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", [["demos"], ["fair", "--help"]])
-def test_a_reader_of_the_output_that_ends_is_no_error(command: list[str]):
+def test_a_reader_of_the_output_that_ends_is_no_error():
     process = subprocess.Popen(
-        [sys.executable, "-m", "app", *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "app", "fair", "--help"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     assert process.stdout is not None
     process.stdout.close()
