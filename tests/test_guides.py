@@ -26,6 +26,8 @@ from app.guides.guide import NAMES, ROOT, Guide, guides
 from app.guides.site import API, write_site
 from app.lessons.reader import load_lesson
 from fairing.judge.report import run_report
+from fairing.run.own_files import Own, load_own
+from fairing.stage_kind import StageKind
 from tests.small_scene import VERTICES, corner_scene, small_options, write_corner
 
 GUIDES = {guide.name: guide for guide in guides()}
@@ -260,6 +262,33 @@ def test_the_tables_of_the_guide_name_all_arrays_of_a_step_and_all_keys_of_a_rep
     part = GUIDES["files"].text.partition("## The report")[2].partition("## Block files")[0]
     keys = {name for row in re.findall(r"^\| (`.*?) \|", part, re.M) for name in re.findall(r"`(\w+)`", row)}
     assert keys == set(report) | {"left_out"}
+
+
+def own_of(guide: str, word: str, folder: Path) -> Own:
+    file = folder / "mine.py"
+    file.write_text(code_of(guide, word))
+    return load_own([file])
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("guide", "word"), [("extending", "Closeness"), ("python", "Rigidity")])
+def test_the_terms_of_the_guides_pull(tmp_path, guide: str, word: str):
+    session = fairing.Session(corner_scene(), small_options(), terms=own_of(guide, word, tmp_path).terms)
+    session.step()
+    assert word.lower() in {pull.name for pull in session.pulls()}
+
+
+@pytest.mark.compiled
+def test_the_norm_and_the_plan_of_the_guide_change_a_run(tmp_path):
+    plain = fairing.Session(corner_scene(), small_options()).step()
+    with_norm = fairing.Session(corner_scene(), small_options(), norm=own_of("extending", "Welsch", tmp_path).norm)
+    step = with_norm.step()
+    assert plain is not None
+    assert step is not None
+    assert (step.after != plain.after).any()
+    planned = fairing.fair(corner_scene(), small_options(), plan=own_of("extending", "plan = [", tmp_path).plan)
+    assert planned.finished
+    assert {StageKind.SMOOTHNESS, StageKind.JUDGE, StageKind.PHOTOS} == {step.stage for step in planned.trace.steps}
 
 
 @pytest.mark.slow
