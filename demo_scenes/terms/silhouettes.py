@@ -6,8 +6,9 @@ image do not count. On a curved surface a vertex beside the contour belongs insi
 edge's length over the radius of curvature: it is drawn outwards by that, so coarse meshes of round objects swell.
 """
 
+import cv2
 import numpy as np
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.ndimage import map_coordinates
 
 import fairing
 
@@ -47,8 +48,9 @@ class Silhouettes(fairing.OwnTerm):
 
 def depth_inside(mask):
     """(height, width) float: how far each pixel lies within a mask, px; negative outside."""
-    inside, outside = (np.asarray(distance_transform_edt(part)) for part in (mask, ~mask))
-    return np.where(mask, inside - 0.5, 0.5 - outside)
+    parts = [part.astype(np.uint8) for part in (mask, ~mask)]
+    inside, outside = (cv2.distanceTransform(part, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) for part in parts)
+    return np.where(mask, inside - 0.5, 0.5 - outside).astype(float)
 
 
 def at(points, camera, image):
