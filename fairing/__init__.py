@@ -11,9 +11,10 @@ Run: `load_scene` reads a capture or opens a demo scene, `fair` runs to the end,
 `FairingOptions` with its `LevelOptions` and `PRESETS` control it, `triangulate` makes a start mesh, `face_cells` (`FaceCells`)
 shows what a run compares, `texel_residuals` (`TexelResiduals`) where in the faces the photos disagree. `session_of_meshes`
 shows the meshes of another program as a run, and `compare_meshes` (`MeshFigures`) judges meshes of any origin by the same photos.
+`rasterize` finds the face that each pixel of a photo shows.
 
 Scenes: `Scene`, `View`, `Camera`, `Mesh`, `SparsePoints`, `Truth`, and photos in memory or in files, `ArrayPhoto` and
-`FilePhoto`.
+`FilePhoto`, with a `Mask` each.
 
 Files: `read_mesh`, `write_mesh`, and `PhotoChoice`, the part of a capture's photos that is used.
 

@@ -1,6 +1,7 @@
 from .api import fair as fair
 from .camera import Camera as Camera
 from .errors import InputError as InputError
+from .geometry.rasterize import rasterize as rasterize
 from .io.load import load_scene as load_scene
 from .io.mesh_file import read_mesh as read_mesh
 from .io.mesh_file import write_mesh as write_mesh
@@ -20,6 +21,7 @@ from .options import FairingOptions as FairingOptions
 from .options import LevelOptions as LevelOptions
 from .photo import ArrayPhoto as ArrayPhoto
 from .photo import FilePhoto as FilePhoto
+from .photo import Mask as Mask
 from .run.session import Session as Session
 from .run.snapshots import session_of_meshes as session_of_meshes
 from .run_plan import PlanStage as PlanStage

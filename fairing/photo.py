@@ -83,6 +83,7 @@ class FilePhoto:
     """A photo file; decoded photos are kept in a bounded cache.
 
     Attributes:
+        path: may be given as text.
         lens: the distortion of the upright photo, which `load` removes; None for a pinhole camera.
         orientation: how `load` turns the decoded pixels, see `fairing.util.orientation`; by default not at all.
     """
@@ -90,6 +91,9 @@ class FilePhoto:
     path: Path
     lens: Lens | None = None
     orientation: int = AS_STORED
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "path", Path(self.path))
 
     @property
     def size(self) -> tuple[int, int]:
@@ -163,7 +167,7 @@ class Mask:
     """The part of a photo that is used, from an image of the photo's size, the photo's own alpha channel, or both.
 
     Attributes:
-        path: an image whose black pixels are ignored, as in COLMAP; None for none.
+        path: an image whose black pixels are ignored, as in COLMAP; None for none. May be given as text.
         lens: the distortion of the photo and the mask; None for a pinhole camera.
         resized: (width, height) in pixels that photo and mask are used at; None for the file's.
         alpha: the photo file, whose transparent pixels are ignored; None to use them.
@@ -177,6 +181,9 @@ class Mask:
     alpha: Path | None = None
     orientation: int = AS_STORED
     alpha_orientation: int = AS_STORED
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "path", None if self.path is None else Path(self.path))
 
     @property
     def files(self) -> tuple[Path, ...]:

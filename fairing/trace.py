@@ -313,13 +313,13 @@ class Trace:
         self.steps[-1] = replace(self.steps[-1], next_position=position)
 
     @classmethod
-    def load(cls, path: Path) -> "Trace":
+    def load(cls, path: str | Path) -> "Trace":
         """Read a trace file; a truncated step at its end is dropped.
 
         Raises:
             InputError: the file is missing, no trace, or holds a header or a step that no run can have written.
         """
-        blocks = read_blocks(path, MAGIC, "trace")
+        blocks = read_blocks(Path(path), MAGIC, "trace")
         budget = blocks_budget(blocks)
         with naming_block(f"trace {path}"):
             texts, arrays = unpack(blocks[0], budget)

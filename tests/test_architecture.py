@@ -149,6 +149,7 @@ ALLOWED: dict[str, set[str]] = {
         *(
             "app.lessons",
             "app.export",
+            "app.guides",
             "app.lesson_pages",
             "app.page",
             "app.flips",

@@ -318,6 +318,18 @@ def test_the_module_runs_as_a_command():
 
 
 @pytest.mark.slow
+def test_a_reader_of_the_output_that_ends_is_no_error():
+    process = subprocess.Popen(
+        [sys.executable, "-m", "app", "fair", "--help"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    process.stdout.close()
+    assert process.stderr is not None
+    assert process.stderr.read() == ""
+    process.wait(300)
+
+
+@pytest.mark.slow
 def test_ctrl_c_ends_the_debugger_cleanly_with_the_run_saved(scene, tmp_path):
     command = [sys.executable, "-m", "app", "view", str(scene), "--no-browser", "--at", "end", "--points", "none"]
     process = subprocess.Popen(

@@ -22,11 +22,12 @@ import app.guides
 import fairing
 import fairing.io
 from app.cli.main import run
-from app.guides.__main__ import main
 from app.guides.guide import NAMES, ROOT, Guide, guides
 from app.guides.site import API, write_site
 from app.lessons.reader import load_lesson
 from fairing.judge.report import run_report
+from fairing.run.own_files import Own, load_own
+from fairing.stage_kind import StageKind
 from tests.small_scene import VERTICES, corner_scene, small_options, write_corner
 
 GUIDES = {guide.name: guide for guide in guides()}
@@ -170,16 +171,21 @@ def test_the_search_contains_a_word_of_each_guide_and_its_sections(site, name):
 
 def test_a_folder_of_somebody_else_is_refused_with_one_line(tmp_path, capsys):
     (tmp_path / "mine.txt").write_text("mine")
-    assert main([str(tmp_path)]) == 1
+    assert run(["docs", "--out", str(tmp_path)]) == 1
     assert capsys.readouterr().err.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
-    assert main([]) == 2
+
+
+def test_the_command_writes_the_site(tmp_path, capsys):
+    assert run(["docs", "--out", str(tmp_path / "site")]) == 0
+    assert (tmp_path / "site" / "guides" / "method.html").is_file()
+    assert str(tmp_path / "site" / "index.html") in capsys.readouterr().err.replace("\n", "")
 
 
 def test_without_pdoc_one_line_says_what_to_install(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    assert main([str(tmp_path / "site")]) == 1
-    assert re.fullmatch(r"eigenfairing: .*pip install .*docs.*\n", capsys.readouterr().err)
+    assert run(["docs", "--out", str(tmp_path / "site")]) == 1
+    assert re.fullmatch(r"eigenfairing: docs: .*pip install .*docs.*\n", capsys.readouterr().err)
     assert not (tmp_path / "site").exists()
 
 
@@ -256,6 +262,33 @@ def test_the_tables_of_the_guide_name_all_arrays_of_a_step_and_all_keys_of_a_rep
     part = GUIDES["files"].text.partition("## The report")[2].partition("## Block files")[0]
     keys = {name for row in re.findall(r"^\| (`.*?) \|", part, re.M) for name in re.findall(r"`(\w+)`", row)}
     assert keys == set(report) | {"left_out"}
+
+
+def own_of(guide: str, word: str, folder: Path) -> Own:
+    file = folder / "mine.py"
+    file.write_text(code_of(guide, word))
+    return load_own([file])
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("guide", "word"), [("extending", "Closeness"), ("python", "Rigidity")])
+def test_the_terms_of_the_guides_pull(tmp_path, guide: str, word: str):
+    session = fairing.Session(corner_scene(), small_options(), terms=own_of(guide, word, tmp_path).terms)
+    session.step()
+    assert word.lower() in {pull.name for pull in session.pulls()}
+
+
+@pytest.mark.compiled
+def test_the_norm_and_the_plan_of_the_guide_change_a_run(tmp_path):
+    plain = fairing.Session(corner_scene(), small_options()).step()
+    with_norm = fairing.Session(corner_scene(), small_options(), norm=own_of("extending", "Welsch", tmp_path).norm)
+    step = with_norm.step()
+    assert plain is not None
+    assert step is not None
+    assert (step.after != plain.after).any()
+    planned = fairing.fair(corner_scene(), small_options(), plan=own_of("extending", "plan = [", tmp_path).plan)
+    assert planned.finished
+    assert {StageKind.SMOOTHNESS, StageKind.JUDGE, StageKind.PHOTOS} == {step.stage for step in planned.trace.steps}
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import pytest
 from PIL import Image
 
 from app.cli.main import run
+from fairing import FilePhoto, Mask
 from fairing.errors import InputError
 from fairing.io import PhotoChoice, read_capture
 from tests.synthetic_capture import HEIGHT, WIDTH, SyntheticCapture
@@ -62,6 +63,17 @@ def test_a_mask_by_stem_belongs_to_no_photo_if_two_photos_have_the_stem(tmp_path
     capture = read_capture(tmp_path)
     assert all(view.mask is None for view in capture.views)
     assert any(warning.startswith("masks that belong to no photo: 2") for warning in capture.warnings)
+
+
+def test_paths_of_photos_and_masks_may_be_text(tmp_path: Path):
+    write_capture(tmp_path)
+    file = tmp_path / "masks" / "b.png"
+    counts = write_mask(file)
+    assert np.array_equal(Mask(str(file)).load(), counts)  # pyright: ignore[reportArgumentType]
+    photo = FilePhoto(str(tmp_path / "images" / "b.jpg"))  # pyright: ignore[reportArgumentType]
+    assert photo.load().shape == (HEIGHT, WIDTH, 3)
+    with pytest.raises(InputError, match=r"nothing\.png"):
+        Mask("nothing.png").load()  # pyright: ignore[reportArgumentType]
 
 
 def test_a_png_is_preferred_to_a_jpeg(tmp_path: Path):

@@ -5,10 +5,12 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import demo_scenes
 from app.debugger.commands import Extent, Forward, Run
@@ -22,6 +24,7 @@ from app.files.scene_source import SceneSource
 from app.pictures.engine_differences import difference_at
 from app.pictures.term_colors import COLOR_OF_TERM, colors_of_terms
 from demo_scenes import load_demo
+from fairing import Mask, Scene, rasterize
 from fairing.errors import InputError
 from fairing.norms.norm import Norm
 from fairing.run.own_files import load_own
@@ -39,11 +42,23 @@ def example(tmp_path: Path, name: str = "planarity") -> Path:
     return Path(shutil.copy(EXAMPLES / f"{name}.py", tmp_path))
 
 
+def masked(scene: Scene, folder: Path) -> Scene:
+    """The scene with masks of the true surface."""
+    assert scene.truth is not None
+    views = []
+    for view in scene.views:
+        file = folder / f"{view.name}.png"
+        surface = scene.truth.surface
+        Image.fromarray(rasterize(surface.vertices, surface.faces, view.camera)[0] >= 0).save(file)
+        views.append(replace(view, mask=Mask(file)))
+    return replace(scene, views=tuple(views))
+
+
 @pytest.mark.compiled
 @pytest.mark.parametrize("file", sorted(EXAMPLES.glob("[a-z]*.py")), ids=lambda file: file.stem)
-def test_every_example_pulls(file: Path):
+def test_every_example_pulls(file: Path, tmp_path: Path):
     (term,) = load_own([file]).terms
-    session = Session(corner_scene(), small_options(), terms=[term])
+    session = Session(masked(corner_scene(), tmp_path), small_options(), terms=[term])
     session.step()
     pulls = {pull.name: pull for pull in session.pulls()}
     assert file.stem in pulls

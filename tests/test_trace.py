@@ -50,6 +50,7 @@ def test_a_loaded_trace_is_the_written_one(trace, tmp_path):
     assert np.array_equal(loaded.faces, trace.faces)
     for one, other in zip(loaded.steps, trace.steps, strict=True):
         assert_same(one, other)
+    assert len(Trace.load(str(tmp_path / "run.trace"))) == len(trace)
 
 
 def test_positions_at_every_moment_follow_from_the_steps(trace):

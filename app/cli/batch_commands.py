@@ -8,6 +8,7 @@ from app.cli.check import check
 from app.cli.compare import compare
 from app.cli.convert import convert
 from app.cli.demos import demos
+from app.cli.docs import docs
 from app.cli.experiment import experiment
 from app.cli.export import export
 from app.cli.fair import fair_command
@@ -31,5 +32,6 @@ def batch_commands(arguments: Sequence[str]) -> dict[str, Callable[..., int]]:
         "export": export,
         "compare": compare,
         "demos": demos,
+        "docs": docs,
         "experiment": experiment,
     }

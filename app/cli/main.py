@@ -227,6 +227,9 @@ def run(arguments: Sequence[str]) -> int:
         return tyro.extras.subcommand_cli_from_dict(commands, prog=prog, description=description, args=arguments)
     except InputError as error:
         return _fail(str(error))
+    except BrokenPipeError:  # the reader of the output, such as `head`, has ended
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter still flushes it
+        return 1
     except OSError as error:
         return _fail(f"{error.filename or 'disk'}: {error.strerror or error}")
     except MemoryError:

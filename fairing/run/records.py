@@ -12,6 +12,7 @@ from fairing.solve.energy import FaceSystem
 from fairing.solve.point_split import observed_held_out_points
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
+from fairing.terms.own import OwnRows
 from fairing.terms.point_judge import points_prefer
 from fairing.trace import SchedulePosition, StepReason, StepRecord, stage_of_reasons
 
@@ -108,7 +109,8 @@ def end_verdict(
 ) -> StepRecord:
     """The record of the judge of the end: every vertex goes back to `begun` if the mesh was better there.
 
-    It was if the energy is lower, or if the sparse points that no fit uses clearly lie nearer (ledger: end judged by points).
+    It was if the energy of the photos and of terms of one's own is lower, or if the sparse points that no fit uses clearly lie
+    nearer (ledger: end judged by points).
 
     Args:
         sweep: the last sweep.
@@ -118,9 +120,12 @@ def end_verdict(
     here, there = (
         Measured(sweep.context, problem.energies(sweep.context, places, sweep.scale)) for places in (vertices, begun)
     )
-    if here.system.energy.sum() <= there.system.energy.sum() and not held_out_points_prefer(
-        problem, vertices, begun, without=False
-    ):
+    own = [term for term in sweep.terms if isinstance(term, OwnRows)]
+    energies = [
+        measured.system.energy.sum() + sum(term.total(places) for term in own)
+        for measured, places in ((here, vertices), (there, begun))
+    ]
+    if energies[0] <= energies[1] and not held_out_points_prefer(problem, vertices, begun, without=False):
         nothing = np.zeros(0, dtype=int)
         return build_record(
             problem, position, moment, nothing, vertices, vertices, StepReason.RETURNED, StageKind.JUDGE, (here, here)

@@ -152,7 +152,7 @@ class FlipTrace:
             self._file = None
 
     @classmethod
-    def load(cls, path: Path) -> "FlipTrace":
+    def load(cls, path: str | Path) -> "FlipTrace":
         """Read a record; a truncated flip at its end is dropped.
 
         Raises:
@@ -160,7 +160,7 @@ class FlipTrace:
                 written.
         """
         kind = "record of flips"
-        blocks = read_blocks(path, MAGIC, kind)
+        blocks = read_blocks(Path(path), MAGIC, kind)
         budget = blocks_budget(blocks)
         with naming_block(f"{kind} {path}"):
             texts, arrays = unpack(blocks[0], budget)

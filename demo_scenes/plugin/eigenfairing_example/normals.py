@@ -18,7 +18,8 @@ class Normals:
     def __init__(self, client: viser.ClientHandle, stage: Stage, scene: Scene) -> None:
         self._stage, self._faces = stage, scene.mesh.faces
         points = self._segments(scene.mesh.vertices)
-        self._lines = client.scene.add_line_segments("/normals", points, (255, 160, 0), thickness=2.0)
+        color, px = (255, 160, 0), 2.0
+        self._lines = client.scene.add_line_segments("/normals", points, color, thickness=px, thickness_units="screen")
 
     def show(self, state: RunState, page_state: PageState) -> None:
         self._lines.points = self._segments(state.vertices)
