@@ -343,10 +343,10 @@ def test_masked_samples_have_no_influence():
 def test_vertices_that_are_read_only_compile_nothing_again():
     session, sweep = prepared(sharp_options())
     before = Evaluator(1).energies(sweep.context, session.vertices, FACE_IDS, sweep.scale).energy
-    signatures, start = evaluate_faces.signatures, session.scene.mesh.vertices
+    signatures, start = evaluate_faces.signatures, session.scene.mesh.vertices  # pyright: ignore
     assert not start.flags.writeable
     assert np.array_equal(Evaluator(1).energies(sweep.context, start, FACE_IDS, sweep.scale).energy, before)
-    assert evaluate_faces.signatures == signatures
+    assert evaluate_faces.signatures == signatures  # pyright: ignore
 
 
 def test_an_offset_of_one_photo_changes_nothing_where_means_are_removed():
