@@ -128,7 +128,8 @@ def run(meter: Meter, scene: Scene, options: FairingOptions, steps: int | None =
 
 SMALL = {
     "accurate": lambda: (corner_scene(), small_options()),
-    "paper": lambda: (corner_scene(), small_options("paper")),
+    # Later sweeps of a level repeat the second.
+    "paper": lambda: (corner_scene(), small_options("paper", schedule={"max_sweeps": [2]})),
     "joint": lambda: (corner_scene(), small_options(schedule={"order": "joint", "max_sweeps": [2]})),
     "smoothed": lambda: (rough_scene(), small_options(step={"smoothing": [0.1, 0.03, 0.01]})),
     "sharp": lambda: (rough_scene(), rough_options(**SHARP_AT_LAST)),

@@ -11,6 +11,7 @@ from fairing.camera import Camera
 from fairing.errors import Cancelled
 from fairing.judge.inspect import face_cells
 from fairing.kernels.eigenspace import GRAM_BLOCK, fit_face
+from fairing.kernels.faces import evaluate_faces
 from fairing.kernels.normal_equations import normal_equations
 from fairing.kernels.robust import HISTOGRAM_STEP, weigh
 from fairing.kernels.rows import BLOCK
@@ -215,10 +216,10 @@ def test_normal_equations_are_the_sums_over_views_and_samples(components, corner
     rng, p = np.random.default_rng(7), 2 * BLOCK + 40
     axes = components if corner < 0 else 3
     G = rng.normal(size=(axes, n, p)).astype(np.float32)
-    hats = rng.dirichlet(np.ones(3), p).T.astype(np.float32)
-    # In the engine's order, whatever k: another order is compiled anew.
+    # In the engine's order and strides, whatever k: others are compiled anew.
+    hats = np.ascontiguousarray(rng.dirichlet(np.ones(3), p).T, dtype=np.float32)
     basis = np.ascontiguousarray(np.linalg.qr(rng.normal(size=(p, k)))[0].T, dtype=np.float32)
-    V = np.ascontiguousarray(np.linalg.qr(rng.normal(size=(n, k)))[0])
+    V = np.linalg.qr(rng.normal(size=(n, k + 1)))[0][:, :k]
     residual, weights = rng.normal(size=(2, n, p)).astype(np.float32) ** 2
     pair_weight = rng.uniform(1, 2, n)
     moving = range(9) if corner < 0 else range(3 * corner, 3 * corner + 3)
@@ -337,6 +338,15 @@ def test_masked_samples_have_no_influence():
     assert np.array_equal(results[0].energy, results[1].energy)
     assert np.array_equal(results[0].H, results[1].H)
     assert np.array_equal(results[0].g, results[1].g)
+
+
+def test_vertices_that_are_read_only_compile_nothing_again():
+    session, sweep = prepared(sharp_options())
+    before = Evaluator(1).energies(sweep.context, session.vertices, FACE_IDS, sweep.scale).energy
+    signatures, start = evaluate_faces.signatures, session.scene.mesh.vertices  # pyright: ignore
+    assert not start.flags.writeable
+    assert np.array_equal(Evaluator(1).energies(sweep.context, start, FACE_IDS, sweep.scale).energy, before)
+    assert evaluate_faces.signatures == signatures  # pyright: ignore
 
 
 def test_an_offset_of_one_photo_changes_nothing_where_means_are_removed():

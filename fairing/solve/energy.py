@@ -125,7 +125,7 @@ class Evaluator:
         energy, statistics = np.zeros(count), np.zeros((count, 2))
         pair_energy = np.zeros(len(data.pair_view))
         H, g = np.zeros((count, 9, 9)), np.zeros((count, 9))
-        vertices = np.ascontiguousarray(vertices, dtype=np.float64)
+        vertices = np.require(vertices, np.float64, ["C", "W"])  # numba compiles again for what is read-only
         samples = np.diff(data.pair_start)[faces] * np.diff(data.grid_start)[data.face_grid[faces]]
         with self._counting:
             self.samples += int(samples.sum()) * data.channels

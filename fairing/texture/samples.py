@@ -84,7 +84,9 @@ def _sample_photo(
     strength = np.clip(255 * np.sqrt(scores / max(float(scores.max()), 1e-9)), 2, 255).astype(np.uint8)
     look_up(
         slots, starts, corners, strength, layout.legs[members], layout.is_turned[members], layout.gutter,
-        photo, counts, members, face_id, depth, HIDDEN_DEPTH / camera.K[0, 0], colors, weights,
+        # numba compiles again for what is read-only, as given photos are and reduced ones are not.
+        np.require(photo, requirements=["C", "W"]), counts,
+        members, face_id, depth, HIDDEN_DEPTH / camera.K[0, 0], colors, weights,
     )  # fmt: skip
 
 

@@ -43,6 +43,8 @@ def sight_costs(mesh: Tetrahedra, point_ids: np.ndarray, view_ids: np.ndarray, s
     costs = SightCosts(np.zeros((n, 4)), np.zeros(n), np.zeros(n))
     order = np.argsort(mesh.corners.ravel(), kind="stable")
     first = np.searchsorted(mesh.corners.ravel()[order], np.arange(len(mesh.places) + 1))
+    # numba compiles again for arrays with strides.
+    point_ids, view_ids = np.ascontiguousarray(point_ids), np.ascontiguousarray(view_ids)
     _walk_all(
         mesh.places, mesh.corners, mesh.neighbours, order // 4, first, mesh.cameras, point_ids, view_ids, sigma,
         CORNERS, *costs,

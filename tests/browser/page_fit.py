@@ -101,8 +101,8 @@ def cut_texts(visitor: Visitor) -> list[str]:
     return visitor.page.evaluate(CUT)
 
 
-def serious_findings(visitor: Visitor) -> list[tuple[str, list]]:
-    """What axe finds in the page as it is, of serious or critical impact."""
-    found = Axe().run(visitor.page).response["violations"]
+def serious_findings(visitor: Visitor, within: str | None = None) -> list[tuple[str, list]]:
+    """What axe finds in the page as it is, or in the elements that a selector matches, of serious or critical impact."""
+    found = Axe().run(visitor.page, within).response["violations"]
     serious = [item for item in found if item["impact"] in ("serious", "critical")]
     return [(item["id"], [(node["html"][:160], node["any"][:1]) for node in item["nodes"][:5]]) for item in serious]

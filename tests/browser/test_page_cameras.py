@@ -9,7 +9,7 @@ import pytest
 from app.page.server import App, start
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, page_of
-from tests.browser.page_fit import switch_theme, themes_and_sizes, too_wide
+from tests.browser.page_fit import SIZES, too_wide
 from tests.waiting import wait_for
 from tests.wrong_cameras import exact_scene, turned
 
@@ -58,11 +58,9 @@ def test_a_click_looks_through_the_camera_of_a_photo(visitor: Visitor):
     wait_for(lambda: page_of(visitor.app).page_state.entered is None)
 
 
-@pytest.mark.parametrize("case", [0, 1])
-def test_the_table_fits(visitor: Visitor, case: int):
+def test_the_table_fits(visitor: Visitor):
     open_tab(visitor)
-    for theme, size in themes_and_sizes(case):
-        switch_theme(visitor, theme)
+    for size in SIZES:
         visitor.resize(size)
-        assert too_wide(visitor) == [], f"{theme}, {size}"
+        assert too_wide(visitor) == [], size
     visitor.resize(WINDOW)
