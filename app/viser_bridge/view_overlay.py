@@ -21,6 +21,7 @@ OVERLAY_STYLE = """
 #eigenfairing-overlay .marks .ring { border: 2px solid; }
 #eigenfairing-overlay .marks .path { width: 16px; height: 3px; border-radius: 1px; }
 #eigenfairing-overlay .legend { width: 178px; margin: 6px 0 2px; gap: 1px; font-size: 12px; }
+#eigenfairing-overlay .wheel { width: 52px; height: 52px; border-radius: 50%; flex: none; }
 """
 
 
