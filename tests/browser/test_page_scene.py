@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, ViewportSize, expect
 
 from app.layers.certainty import PIECES, CertaintyLayer
 from app.page.server import App, start
@@ -48,6 +48,11 @@ def app(scene):
 @pytest.fixture
 def visitor(visitor: Visitor) -> Visitor:
     visitor.page.get_by_role("tab", name="Layers").click()
+    # The tests read the whole legend: once the user has chosen it, it stays.
+    fold = visitor.page.locator("#eigenfairing-overlay .fold")
+    fold.click()
+    if fold.get_attribute("aria-expanded") == "false":
+        fold.click()
     return visitor
 
 
@@ -322,6 +327,48 @@ def test_colours_of_another_quantity_say_so_until_the_chosen_one_is_computed(
     visitor.button("Arrows: Auto").click()
     visitor.button("Surface: Textured").click()
     overlay.get_by_text("Image flow of each face", exact=True).wait_for(state="detached")
+
+
+def test_a_long_legend_in_a_small_view_begins_with_its_title_and_scale_until_the_user_chooses(visitor: Visitor):
+    overlay = visitor.page.locator("#eigenfairing-overlay")
+    details = overlay.get_by_text(re.compile(r"^All photos\. Arrows: how far each face is off, ×\d+\.$"))
+    title, scale = overlay.get_by_text("Image flow of each face", exact=True), overlay.locator(".scale")
+    large: ViewportSize = {"width": 1440, "height": 900}
+    visitor.open()  # nothing is chosen in a new page
+    page_state = page_of(visitor.app).page_state
+    page_of(visitor.app).interaction.set_selection(Selection((0,)))
+    try:
+        page_state.surface = "flow"
+        visitor.app.controller.republish()
+        for part in (title, scale):
+            part.wait_for()
+        visitor.button("Show the legend").wait_for()
+        expect(details).to_be_hidden()
+        assert visitor.box_of(overlay)["height"] < 60
+        visitor.resize(large)
+        details.wait_for()
+        visitor.button("Fold the legend").wait_for()
+        visitor.resize(WINDOW)
+        details.wait_for(state="hidden")
+        visitor.button("Show the legend").click()
+        details.wait_for()
+        for size in (large, WINDOW):
+            visitor.resize(size)
+            assert details.is_visible(), "as the user has chosen"
+        visitor.button("Fold the legend").click()
+        expect(scale).to_be_hidden()
+        visitor.resize(large)
+        assert title.is_visible()
+        assert not details.is_visible(), "as the user has chosen"
+        page_state.surface = "moved"
+        visitor.app.controller.republish()
+        overlay.get_by_text("Distance from the start", exact=True).wait_for()
+        assert not scale.is_visible(), "as the user has chosen"
+    finally:
+        visitor.resize(WINDOW)
+        page_of(visitor.app).interaction.set_selection(Selection())
+        page_state.surface = "textured"
+        visitor.app.controller.republish()
 
 
 def test_the_surface_is_shown_at_the_start_now_and_at_the_truth_each_with_its_texture(visitor: Visitor, scene):
