@@ -85,7 +85,7 @@ def test_a_known_shift_of_the_photo_is_found_at_every_sample_in_its_pixels(
     assert np.median(errors) < 0.1, np.median(errors)
     assert np.quantile(errors, 0.95) < 0.3
     for face in np.flatnonzero(found.size).tolist():
-        assert np.nanmedian(found.of_face(face), axis=0) == pytest.approx(shift, abs=0.1 * np.linalg.norm(shift))
+        assert np.nanmedian(found.of_face(face), axis=0) == pytest.approx(shift, abs=0.1 * float(np.linalg.norm(shift)))
 
 
 def test_textures_that_do_not_determine_a_shift_have_no_flow(session: Session, monkeypatch: pytest.MonkeyPatch):
