@@ -171,7 +171,7 @@ def _wheel(legend: Legend) -> str:
     rim = f"{'≥ ' if legend.largest > legend.high else ''}{_value(legend.high, legend)}"
     return (
         f"<div class='row'><span class='wheel' style='background:{colors}'></span><span class='grow'>direction in the photo"
-        f"<br>centre 0, rim {rim}</span></div><div class='dim'>longest {_value(legend.largest, legend)}</div>"
+        f"<br>rim {rim}</span></div><div class='dim'>longest {_value(legend.largest, legend)}</div>"
     )
 
 

@@ -20,7 +20,7 @@ OVERLAY_STYLE = """
 #eigenfairing-overlay:is(.folded, .compact):not(:has(.legend)) .fold::after { content: " Legend"; }
 #eigenfairing-overlay:is(.folded, .compact) > div { min-width: 0; }
 #eigenfairing-overlay:is(.folded, .compact) > div > :not(.legend), #eigenfairing-overlay.folded .legend > :not(b),
-#eigenfairing-overlay.compact .legend > :not(b, .scale, .ends, .selected) { display: none; }
+#eigenfairing-overlay.compact .legend > :not(b, .scale, .ends, .selected, :has(.wheel)) { display: none; }
 #eigenfairing-overlay .marks { font-size: 12px; }
 #eigenfairing-overlay .marks i { width: 9px; height: 9px; border-radius: 50%; }
 #eigenfairing-overlay .marks .block { border-radius: 1px; }
