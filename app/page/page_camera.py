@@ -27,20 +27,18 @@ SHEET = 0.54  # of a phone's height: what the main panel covers at most
 
 @dataclass(frozen=True, eq=False)
 class StandardView:
-    """A standard view that the user has not moved away from.
+    """The standard view chosen last. Where the camera is elsewhere, the user has moved it, or a report of an older pose arrived.
 
     Attributes:
         eye, target: (3,) float, page units: in a view that is not narrow.
         aspect: width by height of the view that `pose` fits.
         pose: what was sent to the browser.
-        arrived: whether the browser has reported this pose. Reports of older poses may still arrive after it was sent.
     """
 
     eye: np.ndarray
     target: np.ndarray
     aspect: float
     pose: CameraPose
-    arrived: bool = False
 
 
 class PageCamera:
@@ -84,9 +82,6 @@ class PageCamera:
     def leave(self) -> None:
         """Return to the viewpoint before a camera was entered."""
         if self.entered is not None:
-            with self._placing:
-                if self._standing is not None:
-                    self._standing = replace(self._standing, arrived=False)
             self.camera_view.leave()
             self._on_change(None)
 
@@ -111,8 +106,6 @@ class PageCamera:
             vertices: (n, 3) float, page units: of the mesh.
         """
         self.leave()
-        with self._placing:
-            self._standing = None
         before, point, up = get_camera_pose(self._client), vertices[vertex], np.array(self._stage.up)
         eye = viewpoint(vertex, vertices, self._scene.mesh, before.position, up, self._stage.camera_centers)
         for share in FLIGHT:
@@ -174,21 +167,16 @@ class PageCamera:
             with self._placing:
                 self._fit_standing()
         elif self.camera_view.user_moved_away():
-            with self._placing:
-                self._standing = None
             self.camera_view.detach()
             self._on_change(None)
 
     def _fit_standing(self) -> None:
-        """Place a standard view anew if the view has another aspect; end it if the user has moved the camera."""
-        standing = self._standing
-        if standing is None:
+        """Place a standard view anew if the view has another aspect, unless the user has moved the camera."""
+        standing, aspect = self._standing, float(self._client.camera.aspect)
+        if standing is None or aspect == standing.aspect or not _is_same(get_camera_pose(self._client), standing.pose):
             return
-        pose, aspect = get_camera_pose(self._client), float(self._client.camera.aspect)
-        if not _is_same(pose, standing.pose):
-            self._standing = None if standing.arrived else standing
-        elif aspect == standing.aspect or _is_same(self._fitted(standing.eye, standing.target, aspect), standing.pose):
-            self._standing = replace(standing, aspect=aspect, arrived=True)
+        if _is_same(self._fitted(standing.eye, standing.target, aspect), standing.pose):
+            self._standing = replace(standing, aspect=aspect)
         else:
             self._place(standing.eye, standing.target)
 
