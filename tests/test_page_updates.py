@@ -9,14 +9,15 @@ import pytest
 
 from app.debugger.commands import Extent, Forward, JumpTo
 from app.debugger.controller import Controller
-from app.debugger.run_state import RunState
+from app.debugger.run_state import Activity, RunState
 from app.page.page import Page
 from app.page.page_updates import PageUpdates
 from app.page.server import App, start
+from app.page_state.selection import Selection
 from fairing.run.session import Session
 from tests.commands import do
 from tests.raw_client import RawClient
-from tests.small_scene import corner_scene, small_options
+from tests.small_scene import FACES, corner_scene, small_options
 from tests.waiting import wait_for
 
 # A page is still being built when its client has gone.
@@ -137,6 +138,39 @@ def test_pages_that_have_gone_are_freed_with_their_threads(app: App):
     wait_for(lambda: not any(ref() for ref in pages), 60)
     wait_for(lambda: not {"page", "prediction"} & names_of_threads(), 60)
     assert len(app.controller._publisher._listeners) == before
+
+
+@pytest.mark.parametrize("activity", [Activity.RUNNING, Activity.PLAYING])
+def test_the_face_of_a_vertex_just_selected_is_chosen_when_the_vertices_rest(app: App, activity: Activity):
+    with RawClient(app.port) as client:
+        client.announce()
+        wait_for(lambda: len(app.pages) == 1)
+        (page,) = app.pages.values()
+        # Nothing but this test shows states to the page from here on.
+        wait_for(lambda: page._updates is not None)
+        updates = page._updates
+        assert updates is not None
+        updates.close()
+        wait_for(lambda: updates._worker.busy_seconds == 0)
+        state = do(app.controller, Forward(Extent.ITERATION))
+        known = app.resources.residuals
+
+        def is_measured() -> bool:
+            known.follow(state)
+            return known.of(state).up_to(state.moment) is not None
+
+        wait_for(is_measured)
+        page.page_state.selection, page.page_state.picks_face = Selection((0,)), True
+        page.fill(replace(state, activity=activity))
+        assert page.page_state.face is None, "its cells are not computed while vertices move"
+        assert page.page_state.picks_face
+        page.fill(state)
+        found = known.of(state).up_to(state.moment)
+        assert found is not None
+        losses = known.of(state).by_moment[found[0]].loss_by_face()
+        ring = [face for face in range(len(FACES)) if 0 in FACES[face]]
+        assert page.page_state.face == max(ring, key=lambda face: losses[face])
+        assert not page.page_state.picks_face
 
 
 def names_of_threads() -> set[str]:

@@ -9,7 +9,7 @@ from PIL import Image
 
 from app.page_state.page_state import PageState
 from app.pictures import texel_picture as pictures
-from app.pictures.coloring import RESIDUAL_PER_PIXEL, UNKNOWN, by_value, color_map
+from app.pictures.coloring import PER_PIXEL, UNKNOWN, by_value, color_map
 from app.pictures.texel_picture import texel_picture
 from fairing import TexelResiduals, texel_residuals
 from fairing.cells.layout import cell_grid
@@ -144,8 +144,8 @@ def texture_at(picture: pictures.TexelPicture, face: int, barycentric: np.ndarra
 def test_every_sample_lies_in_the_picture_where_its_place_on_the_face_is(inset: float):
     sizes = [12, 8, 12, 0, 12, 24, 8]
     found = some_residuals(sizes, inset)
-    picture = texel_picture(found, RESIDUAL_PER_PIXEL)
-    at, _ = by_value(RESIDUAL_PER_PIXEL, found.values)
+    picture = texel_picture(found, PER_PIXEL["residual"])
+    at, _ = by_value(PER_PIXEL["residual"], found.values)
     for face, n in enumerate(sizes):
         for sample, ramp in enumerate(cell_grid(n).T if n else []):
             a, b = inset + (1 - 3 * inset) * ramp.astype(float)
@@ -162,7 +162,7 @@ def test_corners_and_edges_continue_the_nearest_samples_and_no_face_reads_anothe
     sizes = [12, 12, 8, 8, 8]
     found = some_residuals(sizes, inset=0.06)
     levels = np.repeat(np.arange(1, 6), np.diff(found.start)).astype(np.float32)
-    picture = texel_picture(replace(found, values=levels), RESIDUAL_PER_PIXEL)
+    picture = texel_picture(replace(found, values=levels), PER_PIXEL["residual"])
     ends = np.linspace(0, 1, 9)
     for face in range(len(sizes)):
         expected = texture_at(picture, face, np.full(3, 1 / 3))
@@ -175,9 +175,9 @@ def test_corners_and_edges_continue_the_nearest_samples_and_no_face_reads_anothe
 def test_samples_that_do_not_fit_are_averaged_in_blocks_and_stay_in_place(monkeypatch: pytest.MonkeyPatch):
     sizes = [96, 96, 8]
     found = some_residuals(sizes, inset=0.02)
-    whole = texel_picture(found, RESIDUAL_PER_PIXEL)
+    whole = texel_picture(found, PER_PIXEL["residual"])
     monkeypatch.setattr(pictures, "LARGEST", 70)
-    picture = texel_picture(found, RESIDUAL_PER_PIXEL)
+    picture = texel_picture(found, PER_PIXEL["residual"])
     width, height = Image.open(io.BytesIO(picture.picture)).size
     assert max(width, height) <= 70
     assert max(Image.open(io.BytesIO(whole.picture)).size) > 70
@@ -187,17 +187,17 @@ def test_samples_that_do_not_fit_are_averaged_in_blocks_and_stay_in_place(monkey
             assert np.abs(seen - expected).max() < 6
     monkeypatch.setattr(pictures, "LARGEST", 20)
     with pytest.raises(ValueError, match="3 faces do not fit"):
-        texel_picture(found, RESIDUAL_PER_PIXEL)
+        texel_picture(found, PER_PIXEL["residual"])
 
 
 def test_pictures_beside_each_other_have_one_scale_that_covers_both():
     few, many = some_residuals([8]), some_residuals([48, 48])
     few = replace(few, values=10 * few.values)
     beside = (
-        texel_picture(few, RESIDUAL_PER_PIXEL, beside=many).legend,
-        texel_picture(many, RESIDUAL_PER_PIXEL, beside=few).legend,
+        texel_picture(few, PER_PIXEL["residual"], beside=many).legend,
+        texel_picture(many, PER_PIXEL["residual"], beside=few).legend,
     )
-    alone = texel_picture(few, RESIDUAL_PER_PIXEL).legend
+    alone = texel_picture(few, PER_PIXEL["residual"]).legend
     assert [(legend.low, legend.high, legend.largest) for legend in beside] == [(0.0, alone.high, alone.largest)] * 2
 
 
@@ -209,6 +209,6 @@ def test_without_any_sample_the_picture_is_unknown():
         values=np.zeros(0),
         inset=np.zeros(2),
     )
-    picture = texel_picture(found, RESIDUAL_PER_PIXEL)
+    picture = texel_picture(found, PER_PIXEL["residual"])
     assert texture_at(picture, 1, np.full(3, 1 / 3)) == pytest.approx(UNKNOWN)
     assert picture.legend.unknown == 2

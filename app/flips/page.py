@@ -78,7 +78,7 @@ class FlipPage:
                 self._terms.set(self._carving.terms(moment, events))
                 self._section.visible = self._carving.is_sectioned(moment) and self._carving.section.direction != "off"
             self._cameras.set_visible(outside)
-            self._buttons.set(buttons(events, moment, len(story), is_playing=player.is_playing))
+            self._buttons.set(buttons(events, moment, len(story), story.step_names, is_playing=player.is_playing))
             if flip is not None:
                 self._fill_flip(flip, entered)
             elif split is not None and split_mesh is not None:
@@ -87,7 +87,9 @@ class FlipPage:
                 self._fill(entered, self._carving.facts(moment), self._carving.legend(moment, events))
             band = chapter_band(story, moment, events) if story.has_chapters else ""
             begin = story.extents[-1].begin
-            self._strip.set(strip(self._film, flip, events, player.speed, begin) + band)
+            self._strip.set(
+                strip(self._film, flip, events, player.speed, begin, has_chapters=story.has_chapters) + band
+            )
             self._slider.follow(moment)
 
     def close(self) -> None:
@@ -122,8 +124,9 @@ class FlipPage:
             SyncedSlider(self._section, html_events.guarded(self._carving.move_section))
         timeline = gui.add_panel()
         with timeline.add_tab("Timeline", viser.Icon.CLOCK):
-            name = "Step" if self._story.has_chapters else "Flip"
-            slider = gui.add_slider(name, min=0, max=max(1, len(story)), step=1, initial_value=0)
+            slider = gui.add_slider(
+                story.step_names[0].capitalize(), min=0, max=max(1, len(story)), step=1, initial_value=0
+            )
             self._strip = HtmlPanel(gui)
         self._slider = SyncedSlider(slider, html_events.guarded(self._jump))
         self.frame.finish(timeline)
@@ -145,7 +148,7 @@ class FlipPage:
 
     def _hotkeys(self) -> list[Hotkey]:
         player, story = self._player, self._story
-        one, part = ("step", "chapter or round") if story.has_chapters else ("flip", "round")
+        one, part = story.step_names
         hotkeys = [
             Hotkey(f"One {one}", lambda: player.go_to(player.moment + 1), ".", None, (("F11", None),)),
             Hotkey(f"Back one {one}", lambda: player.go_to(player.moment - 1), ",", None, (("F11", "shift"),)),

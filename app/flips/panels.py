@@ -16,8 +16,9 @@ SPEEDS = (2, 10, 50)  # flips a second
 STEP_RATES = (0.4, 1.0, 3.0)  # steps of other chapters a second, at these speeds
 
 
-def buttons(events: Events, moment: int, length: int, *, is_playing: bool) -> str:
-    """Buttons that go to other moments."""
+def buttons(events: Events, moment: int, length: int, names: tuple[str, str], *, is_playing: bool) -> str:
+    """Buttons that go to other moments; for `names` see `Story.step_names`."""
+    step, part = names
     at_start, at_end = moment == 0, moment == length
 
     def one(name: str, shape: str, event: str, enabled: bool, *, mirrored: bool = False) -> str:
@@ -26,16 +27,16 @@ def buttons(events: Events, moment: int, length: int, *, is_playing: bool) -> st
         )
 
     play = button(
-        "Pause" if is_playing else "Play", events("play"), hint="Play the flips, or stop (T)",
+        "Pause" if is_playing else "Play", events("play"), hint=f"Play the {step}s, or stop (T)",
         icon=icon("pause" if is_playing else "run"), css_class="main grow", enabled=length > 0,
     )  # fmt: skip
     return (
-        f"<div class='row'>{one('To the start mesh', 'start', 'start', not at_start)}{play}"
-        f"{one('To the last flip', 'end', 'end', not at_end)}</div>"
-        f"<div class='row note'>{one('Back a round ([)', 'two', 'round_back', not at_start, mirrored=True)}"
-        f"{one('Back one flip (,)', 'one', 'back', not at_start, mirrored=True)}"
-        f"{one('One flip (.)', 'one', 'forward', not at_end)}"
-        f"{one('On a round (])', 'two', 'round_on', not at_end)}</div>"
+        f"<div class='row'>{one('To the beginning', 'start', 'start', not at_start)}{play}"
+        f"{one(f'To the last {step}', 'end', 'end', not at_end)}</div>"
+        f"<div class='row note'>{one(f'Back a {part} ([)', 'two', 'round_back', not at_start, mirrored=True)}"
+        f"{one(f'Back one {step} (,)', 'one', 'back', not at_start, mirrored=True)}"
+        f"{one(f'One {step} (.)', 'one', 'forward', not at_end)}"
+        f"{one(f'On a {part} (])', 'two', 'round_on', not at_end)}</div>"
     )
 
 
@@ -98,22 +99,23 @@ def legend(film: FlipFilm, moment: int) -> str:
     return f"<h4>Edges</h4><div class='legend'>{rows}</div>"
 
 
-def strip(film: FlipFilm, moment: int | None, events: Events, speed: int, begin: int) -> str:
+def strip(film: FlipFilm, moment: int | None, events: Events, speed: int, begin: int, *, has_chapters: bool) -> str:
     """Speeds, and a pixel a flip: brighter green where the loss fell more; a tick where a round begins.
 
     Args:
         moment: of the film; None: before the flips.
         begin: the moment of the record at which the film begins.
+        has_chapters: whether there are other steps than flips, which are played slower.
     """
     speeds = "".join(
         button(
             f"{value} /s",
             events("speed", k),
-            hint=f"Play {value} flips a second",
+            hint=f"Play {value} flips{f' or {rate:g} other steps' if has_chapters else ''} a second",
             css_class="small on" if value == speed else "small",
             pressed=value == speed,
         )
-        for k, value in enumerate(SPEEDS)
+        for k, (value, rate) in enumerate(zip(SPEEDS, STEP_RATES, strict=True))
     )
     if len(film) == 0:
         return f"<div class='row tools'>{speeds}</div><div class='strip'></div>"

@@ -78,6 +78,12 @@ class Story:
         """Whether there is more than the flips."""
         return len(self.extents) > 1
 
+    @property
+    def step_names(self) -> tuple[str, str]:
+        """What moments are apart, and what contains several: a flip and a round, or where there is more than the flips a step
+        and a chapter or round."""
+        return ("step", "chapter or round") if self.has_chapters else ("flip", "round")
+
     def at(self, moment: int) -> tuple[Extent, int]:
         """The chapter of a moment, and the moment's number within it, from 0."""
         extent = self.extents[int(np.searchsorted([e.begin for e in self.extents], moment, side="right")) - 1]

@@ -74,7 +74,7 @@ def _arrows(tail: np.ndarray, along: np.ndarray, across: np.ndarray) -> np.ndarr
 
 
 class FlowArrowsLayer:
-    """All arrows in one node, shown while the surface is coloured by the flow and its vertices are drawn where they are."""
+    """All arrows in one node, shown while the surface is coloured by the flow of its faces at their present vertices."""
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, scene: Scene, source: ResidualSource) -> None:
         self._stage, self._source, self._mesh = stage, source, scene.mesh
@@ -82,7 +82,8 @@ class FlowArrowsLayer:
         self._lines = LineNode(client, "/flow_arrows", FLOW, 2.0)
 
     def show(self, state: RunState, page_state: PageState) -> None:
-        is_shown = page_state.surface == "flow" and page_state.entered is None and page_state.shape == NOW_SHAPE
+        is_by_face = page_state.surface == "flow" and not page_state.shows_texels
+        is_shown = is_by_face and page_state.entered is None and page_state.shape == NOW_SHAPE
         found = self._source.at(state, page_state) if is_shown and not state.is_moving else None
         if found is None:
             self._lines.hide()

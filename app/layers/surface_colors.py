@@ -9,11 +9,11 @@ from app.debugger.commands import Query
 from app.debugger.compare import distances, look_up
 from app.debugger.controller import Controller
 from app.debugger.run_state import RunState
-from app.layers.residual_texels import PaintedTexels, ResidualTexels
+from app.layers.surface_texels import PaintedTexels, SurfaceTexels
 from app.page_state.page_state import PageState
 from app.page_state.pull_source import PullSource
 from app.page_state.residual_source import ResidualSource, flow_scale
-from app.pictures.coloring import COLORINGS, DIFFERENCE, PULL, RESIDUAL_PER_PIXEL, Legend, color_mesh
+from app.pictures.coloring import COLORINGS, DIFFERENCE, PER_PIXEL, PULL, Legend, color_mesh
 from app.pictures.texel_picture import TexelPicture
 from app.pictures.texturer import LARGEST, Texturer
 from app.stage import Stage
@@ -44,7 +44,7 @@ class Wanted:
     @property
     def title(self) -> str:
         """Title of the legend."""
-        return RESIDUAL_PER_PIXEL.title if self.is_per_pixel else COLORINGS[self.coloring].title
+        return (PER_PIXEL if self.is_per_pixel else COLORINGS)[self.coloring].title
 
 
 class SurfaceColors:
@@ -69,7 +69,7 @@ class SurfaceColors:
     ) -> None:
         self._stage, self._scene, self._controller = stage, scene, controller
         self._residuals, self._pulls = residuals, pulls
-        self._texels = ResidualTexels(residuals, texturer, controller)
+        self._texels = SurfaceTexels(residuals, texturer, controller)
         self.now, self.start = (
             DoubleBufferedMesh(client, f"/mesh/{name}", controller.republish, DECODE_COLORED)
             for name in ("colored", "colored_start")
@@ -117,7 +117,7 @@ class SurfaceColors:
             self.legend = replace(
                 legend,
                 note=self._note(drawn, state, page_state),
-                why_unknown="" if drawn.view is None else "not seen in this photo",
+                why_unknown=_why_unknown(drawn),
                 moment=None if drawn.moment == wanted.moment else drawn.moment,
                 awaited=self._awaited(drawn, wanted),
             )
@@ -207,7 +207,7 @@ class SurfaceColors:
             return f"Term: {wanted.term}"
         if COLORINGS[wanted.coloring].of_photo is None:
             return ""
-        if wanted.coloring != "flow":
+        if wanted.coloring != "flow" or wanted.is_per_pixel:
             answer = self._answer[1] if self._answer is not None and self._answer[0] == wanted else None
             return self._photos(wanted) + (answer.blur_note if isinstance(answer, PaintedTexels) else "")
         arrows = "how far each face is off" if wanted.view is None else "the flow"
@@ -216,3 +216,10 @@ class SurfaceColors:
 
     def _take(self, wanted: Wanted, found: np.ndarray | PaintedTexels | Exception) -> None:
         self._answer = (wanted, found)
+
+
+def _why_unknown(drawn: Wanted) -> str:
+    """Why faces have no colour, where that of the colouring does not say it; else empty."""
+    if drawn.view is None:
+        return ""
+    return "little texture, or not seen in this photo" if drawn.coloring == "flow" else "not seen in this photo"

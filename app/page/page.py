@@ -1,6 +1,7 @@
 """One browser's page: its panels, layers, camera and selection. All pages of a session show the same runs."""
 
 from collections.abc import Callable
+from functools import partial
 
 import viser
 
@@ -155,7 +156,13 @@ class Page:
             Hotkey(KEY_LABELS["X"], panels.surface_controls.before_or_now, "X"),
             Hotkey("Surface: before and now, with a divider", panels.surface_controls.toggle_divider),
             *(
-                [Hotkey("Surface: residual per pixel or per face", panels.surface_controls.toggle_per_pixel)]
+                [
+                    Hotkey(
+                        f"Surface: {name} per pixel or per face",
+                        partial(panels.surface_controls.toggle_per_pixel, surface),
+                    )
+                    for surface, name in (("residual", "residual"), ("flow", "image flow"))
+                ]
                 if panels.surface_controls.has_detail
                 else []
             ),

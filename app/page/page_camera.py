@@ -1,14 +1,16 @@
 """The camera of one browser: looks at the mesh from standard viewpoints, or through one of the scene's cameras."""
 
+import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import viser
 
-from app.page.camera_view import CameraView
+from app.page.camera_view import MOVED, CameraView
 from app.page.viewpoint import viewpoint
-from app.stage import FIELD_OF_VIEW, FREE_HEIGHT, Stage
+from app.stage import FIELD_OF_VIEW, FREE_HEIGHT, SIZE, Stage
 from app.viser_bridge.camera_pose import CameraPose, get_camera_pose, set_camera_pose
 from app.viser_bridge.html_events import Guarded, whole_number
 from app.viser_bridge.theme import Theme
@@ -21,6 +23,22 @@ FLIGHT_SECONDS = 0.4
 NARROW = 0.7  # width by height: in narrower views the width limits what is seen
 PHONE = 0.6  # width by height: narrower views are those of phones
 SHEET = 0.54  # of a phone's height: what the main panel covers at most
+
+
+@dataclass(frozen=True, eq=False)
+class StandardView:
+    """The standard view chosen last. Where the camera is elsewhere, the user has moved it, or a report of an older pose arrived.
+
+    Attributes:
+        eye, target: (3,) float, page units: in a view that is not narrow.
+        aspect: width by height of the view that `pose` fits.
+        pose: what was sent to the browser.
+    """
+
+    eye: np.ndarray
+    target: np.ndarray
+    aspect: float
+    pose: CameraPose
 
 
 class PageCamera:
@@ -41,6 +59,8 @@ class PageCamera:
         self._client, self._stage, self._scene, self._on_change = client, stage, scene, on_change
         self._theme = Theme(client)
         self.camera_view = CameraView(client, stage, scene, self._theme, on_prediction)
+        self._standing: StandardView | None = None
+        self._placing = threading.Lock()  # a fit to an old aspect must not overtake another view
         self._stand_at(stage.eye)  # a browser may have connected before there was a scene to look at
         client.camera.on_update(guarded(lambda _: self._camera_moved()))
 
@@ -111,16 +131,23 @@ class PageCamera:
         self._stand_at(eye, target)
 
     def _stand_at(self, eye: np.ndarray, target: np.ndarray | None = None) -> None:
-        """Look at a target (3,), page units, by default that of the stage; from farther away in a narrow view, and on a phone
-        so that the mesh is above the main panel."""
-        target, aspect = self._stage.target if target is None else target, self._client.camera.aspect
+        """Look at a target (3,), page units, by default that of the stage, until the user moves the camera."""
+        with self._placing:
+            self._place(np.array(eye), np.array(self._stage.target if target is None else target))
+
+    def _place(self, eye: np.ndarray, target: np.ndarray) -> None:
+        aspect = float(self._client.camera.aspect)
+        pose = self._fitted(eye, target, aspect)
+        self._standing = StandardView(eye, target, aspect, pose)
+        set_camera_pose(self._client, pose)
+
+    def _fitted(self, eye: np.ndarray, target: np.ndarray, aspect: float) -> CameraPose:
+        """The pose from farther away in a narrow view, and on a phone so that the mesh is above the main panel."""
         eye = target + max(1.0, NARROW / aspect, FREE_HEIGHT / (1 - SHEET) if aspect < PHONE else 0) * (eye - target)
         if aspect < PHONE:
             shift = self._below_panel(eye - target)
             eye, target = eye + shift, target + shift
-        set_camera_pose(
-            self._client, CameraPose(np.array(eye), np.array(target), np.array(self._stage.up), FIELD_OF_VIEW)
-        )
+        return CameraPose(eye, target, np.array(self._stage.up), FIELD_OF_VIEW)
 
     def _below_panel(self, backward: np.ndarray) -> np.ndarray:
         """(3,) float, page units: shift of a phone's camera after which the mesh is in the middle of what its panel leaves free.
@@ -136,6 +163,26 @@ class PageCamera:
         return -down * upward / np.linalg.norm(upward)
 
     def _camera_moved(self) -> None:
-        if self.camera_view.user_moved_away():
+        if self.entered is None:
+            with self._placing:
+                self._fit_standing()
+        elif self.camera_view.user_moved_away():
             self.camera_view.detach()
             self._on_change(None)
+
+    def _fit_standing(self) -> None:
+        """Place a standard view anew if the view has another aspect, unless the user has moved the camera."""
+        standing, aspect = self._standing, float(self._client.camera.aspect)
+        if standing is None or aspect == standing.aspect or not _is_same(get_camera_pose(self._client), standing.pose):
+            return
+        if _is_same(self._fitted(standing.eye, standing.target, aspect), standing.pose):
+            self._standing = replace(standing, aspect=aspect)
+        else:
+            self._place(standing.eye, standing.target)
+
+
+def _is_same(one: CameraPose, other: CameraPose) -> bool:
+    """Whether the user sees no difference between two poses."""
+    return all(
+        np.linalg.norm(a - b) < MOVED * SIZE for a, b in ((one.position, other.position), (one.target, other.target))
+    )

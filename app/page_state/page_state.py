@@ -78,12 +78,13 @@ class PageState:
         flow_scale: factor by which the image flow is drawn longer on the surface, of `FLOW_SCALES`; 0: one that fits.
         pull_scale: factor by which the arrows of pulls are drawn longer, of `PULL_SCALES`; 0: chosen to fit the mesh.
         pull_term: the term whose pull colours the surface.
-        is_per_pixel: whether residuals colour the surface at every sample of the cells instead of by face.
+        is_per_pixel: whether residuals, or the flow of one photo, colour the surface at every sample of the cells instead of by
+            face.
         residual_view: the photo whose residuals or flow colour the surface; None: all photos.
         is_view_dependent: whether the texture is view-dependent while the run is paused.
         shape: vertex positions of the surface: 0 at the start, 1 now, 2 the truth; values between are interpolated.
-        is_divided: whether a divider separates the start, at its left, from now, where the surface is textured, or coloured by
-            residual per pixel, and at now.
+        is_divided: whether a divider separates the start, at its left, from now, where the surface is textured, or coloured per
+            pixel, and at now.
         model_share: opacity of the model over the photo in a camera's view, 0 to 1.
         experiment: the experiment shown, of `fairing.experiments.experiments`.
         is_presenting: whether the page has the presenter layout.
@@ -141,8 +142,9 @@ class PageState:
 
     @property
     def shows_texels(self) -> bool:
-        """Whether the surface is coloured by residual per pixel."""
-        return self.surface == "residual" and self.is_per_pixel
+        """Whether the surface is coloured per pixel, by the residual or the flow of one photo. That of all has no direction."""
+        has_texels = self.surface == "residual" or (self.surface == "flow" and self.residual_view is not None)
+        return has_texels and self.is_per_pixel
 
     def shows(self, layer: str) -> bool:
         return self.shown[layer]

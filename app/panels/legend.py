@@ -13,7 +13,7 @@ from app.page_state.page_state import ASSOCIATIONS, PageState
 from app.page_state.pull_source import PullSource, arrow_scale, chosen_vertices
 from app.page_state.vertex_marks import MARK_COLORS, shown_vertices, stepped_vertex, vertex_colors
 from app.palette import AXIS_COLORS, LOCKED, NOW, REFERENCE, RGB, SEEN, SELECTED, START, STEPPED, TRUTH, solid
-from app.pictures.coloring import COLORINGS, RESIDUAL_PER_PIXEL, UNKNOWN, Legend, Scale, color_map
+from app.pictures.coloring import COLORINGS, HUES, PER_PIXEL, UNKNOWN, ZERO, Legend, Scale, color_map
 from app.pictures.term_colors import COLOR_OF_TERM, colors_of_terms
 from app.viser_bridge.view_overlay import ViewOverlay
 from fairing.judge.associations import REJECTED
@@ -49,7 +49,7 @@ class LegendBox:
         if legend is not None:
             content += legend_html(legend)
         elif page_state.surface in COLORINGS and page_state.entered is None and not state.is_moving:
-            awaited = RESIDUAL_PER_PIXEL if page_state.shows_texels else COLORINGS[page_state.surface]
+            awaited = (PER_PIXEL if page_state.shows_texels else COLORINGS)[page_state.surface]
             content += f"<div class='legend'><b>{text(awaited.title)}</b><div class='dim'>Computing…</div></div>"
         self._overlay.set(content)
 
@@ -132,7 +132,7 @@ def legend_html(legend: Legend) -> str:
     if coloring.scale is Scale.CATEGORY:
         parts += [_entry(color, name, str(count)) for name, color, count in legend.categories]
     elif legend.high > legend.low:
-        parts.append(_bar(legend))
+        parts.append(_wheel(legend) if coloring.scale is Scale.VECTOR else _bar(legend))
     elif legend.unknown == 0 or legend.largest:
         parts.append(_entry(_color(0), f"all {whose}", _value(legend.low, legend)))
     if legend.unknown:
@@ -141,11 +141,8 @@ def legend_html(legend: Legend) -> str:
         these = whose if legend.unknown > 1 else "face" if coloring.by_face else "vertex"
         parts.append(_entry(UNKNOWN, f"{legend.unknown} {these} unknown{reason}", ""))
     if legend.left_out:
-        parts.append(
-            _entry(
-                UNKNOWN, f"{number(100 * legend.left_out, 2)} % of the pixels left out: hidden or near an outline", ""
-            )
-        )
+        hidden = "little texture, or hidden" if coloring.scale is Scale.VECTOR else "hidden or near an outline"
+        parts.append(_entry(UNKNOWN, f"{number(100 * legend.left_out, 2)} % of the pixels left out: {hidden}", ""))
     if legend.awaited:
         parts.append(f"<div class='selected'>Computing: {text(legend.awaited)}…</div>")
     elif legend.moment is not None:
@@ -165,6 +162,17 @@ def _bar(legend: Legend) -> str:
     extremes = f"from {_value(legend.smallest, legend)} to {_value(legend.largest, legend)}"
     note = f"{extremes}{', logarithmic' if _is_log(legend) else ''}"
     return f"<div class='scale' style='background:linear-gradient(90deg,{stops})'></div>{ends}<div class='dim'>{note}</div>"
+
+
+def _wheel(legend: Legend) -> str:
+    """Markup: the colours of all directions and lengths, with the length at the rim."""
+    hues = ",".join(solid(color) for color in (*HUES, HUES[0]))
+    colors = f"radial-gradient(closest-side,{solid(ZERO)},transparent),conic-gradient(from 90deg,{hues})"
+    rim = f"{'≥ ' if legend.largest > legend.high else ''}{_value(legend.high, legend)}"
+    return (
+        f"<div class='row'><span class='wheel' style='background:{colors}'></span><span class='grow'>direction in the photo"
+        f"<br>rim {rim}</span></div><div class='dim'>longest {_value(legend.largest, legend)}</div>"
+    )
 
 
 def _is_log(legend: Legend) -> bool:

@@ -30,8 +30,14 @@ SHAPES = {START_SHAPE: "Start", NOW_SHAPE: "Now", TRUE_SHAPE: "Truth"}
 TEXTURES = {False: "Static", True: "View-dependent"}
 DETAILS = {False: "Per face", True: "Per pixel"}
 DETAIL_HINTS = {
-    False: "one mean for each face",
-    True: "at every sample of the cells: shows where in a face the photos disagree",
+    "residual": {
+        False: "one mean for each face",
+        True: "at every sample of the cells: shows where in a face the photos disagree",
+    },
+    "flow": {
+        False: "one vector for each face and photo, with arrows",
+        True: "at every sample of the cells, in one photo: all photos together have no direction",
+    },
 }
 STEP = 0.05
 
@@ -84,7 +90,7 @@ class SurfaceControls:
         return button(
             "Before and now",
             self._events("divider"),
-            hint="Start and current moment, textured or by residual per pixel, with a divider to drag",
+            hint="Start and current moment, textured, or by residual or flow per pixel, with a divider to drag",
             css_class="small on" if self._page_state.shows_divider else "small",
             pressed=self._page_state.shows_divider,
         )
@@ -103,20 +109,23 @@ class SurfaceControls:
                              (view + 1 if view < last else -1, "Next photo"))
         )  # fmt: skip
         scales = {scale: (label, self._events("scale", k)) for k, (scale, label) in enumerate(FLOW_SCALES.items())}
+        has_arrows = state.surface == "flow" and not state.shows_texels
         arrows = arrow_scales(choice(scales, state.flow_scale, "Arrows"))
         return (
             f"<div class='dim note'>of the photo</div><div class='row'>{previous}<span class='grow one' "
-            f"style='text-align:center'>{text(name)}</span>{following}</div>{arrows if state.surface == 'flow' else ''}"
+            f"style='text-align:center'>{text(name)}</span>{following}</div>{arrows if has_arrows else ''}"
         )
 
     def detail(self) -> str:
-        """Markup of a control that selects residuals per face or per pixel; else empty."""
-        if self._page_state.surface != "residual" or not self.has_detail:
+        """Markup of a control that selects residuals or flow per face or per pixel; else empty."""
+        state = self._page_state
+        if state.surface not in DETAIL_HINTS or not self.has_detail:
             return ""
         options = {
             per_pixel: (label, self._events("detail", k)) for k, (per_pixel, label) in enumerate(DETAILS.items())
         }
-        return f"<div class='dim note'>detail</div>{choice(options, self._page_state.is_per_pixel, 'Detail', DETAIL_HINTS)}"
+        details = choice(options, state.shows_texels, "Detail", DETAIL_HINTS[state.surface])
+        return f"<div class='dim note'>detail</div>{details}"
 
     def terms(self, state: RunState) -> str:
         """Markup of a control that selects the term of the run whose pull is shown; else empty."""
@@ -127,13 +136,19 @@ class SurfaceControls:
         return f"<div class='dim note'>of the term</div>{choice(terms, self._page_state.pull_term, 'Term')}"
 
     def _choose_detail(self, is_per_pixel: bool) -> None:
-        self._page_state.is_per_pixel = is_per_pixel
+        """Per pixel, the flow is that of one photo: the first one if none is chosen."""
+        state = self._page_state
+        state.is_per_pixel = is_per_pixel
+        if is_per_pixel and state.surface == "flow" and state.residual_view is None:
+            state.residual_view = 0
         self._republish()
 
-    def toggle_per_pixel(self) -> None:
-        """Residuals per pixel, or per face if they are per pixel already."""
-        self._page_state.is_per_pixel = not self._page_state.shows_texels
-        self.choose_surface("residual")
+    def toggle_per_pixel(self, surface: str) -> None:
+        """Residuals or flow per pixel, or per face if they are shown per pixel already."""
+        state = self._page_state
+        is_shown = state.surface == surface and state.shows_texels
+        state.surface = surface
+        self._choose_detail(not is_shown)
 
     def _choose_term(self, term: str) -> None:
         self._page_state.pull_term = term
@@ -171,7 +186,7 @@ class SurfaceControls:
         self._republish()
 
     def toggle_divider(self) -> None:
-        """Show the start at the left of a divider and now at its right, textured or by residual per pixel; or now alone."""
+        """Show the start at the left of a divider and now at its right, textured or coloured per pixel; or now alone."""
         state = self._page_state
         state.is_divided = not state.shows_divider
         if state.is_divided:

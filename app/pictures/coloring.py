@@ -49,9 +49,11 @@ REASON_COLORS: dict[StepReason, tuple[str, RGB]] = {
 
 
 class Scale(Enum):
-    """How values map to colours: linearly, logarithmically, as whole numbers, or by category (step reason, term)."""
+    """How values map to colours: linearly, logarithmically, as whole numbers, by category (step reason, term), or vectors by
+    their direction and length."""
 
     LINEAR = "linear"
+    VECTOR = "vector"
     LOGARITHMIC = "logarithmic"
     COUNT = "count"
     CATEGORY = "category"
@@ -85,6 +87,9 @@ class Coloring:
     categories: Callable[[Iterable[str]], Sequence[tuple[int, str, RGB]]] = lambda terms: ()
 
 
+# Of vectors to the right, and clockwise every 60 degrees; shorter ones are mixed with the colour of zero.
+HUES: tuple[RGB, ...] = ((230, 60, 60), (225, 200, 40), (60, 180, 75), (50, 190, 200), (70, 90, 220), (210, 70, 200))
+ZERO: RGB = (242, 244, 247)
 DIFFERENCE, STRONGEST, PULL = "difference", "strongest", "pull"
 
 
@@ -154,8 +159,11 @@ COLORINGS: dict[str, Coloring] = {
 }  # fmt: skip
 
 
-RESIDUAL_PER_PIXEL = replace(COLORINGS["residual"], title="Residual per pixel, grey levels")
-"""How the values of `fairing.judge.texel_residuals` are shown."""
+PER_PIXEL: dict[str, Coloring] = {
+    "residual": replace(COLORINGS["residual"], title="Residual per pixel, grey levels"),
+    "flow": replace(COLORINGS["flow"], title="Flow per pixel, px", scale=Scale.VECTOR),
+}
+"""How the values of `fairing.judge.texel_residuals` and `fairing.judge.texel_flow` are shown, by the name of the colouring."""
 
 
 def available_colorings(scene: Scene) -> list[str]:
@@ -246,6 +254,16 @@ def color_map() -> np.ndarray:
     return cv2.applyColorMap(ramp, cv2.COLORMAP_CIVIDIS)[:, 0, ::-1]
 
 
+def wheel_colors(at: np.ndarray) -> np.ndarray:
+    """(p, 3) uint8 RGB: colours of vectors (p, 2) of a length of at most 1: hues by direction, mixed with `ZERO` by length."""
+    length = np.hypot(at[:, 0], at[:, 1])[:, None]
+    turn = np.arctan2(at[:, 1], at[:, 0]) * len(HUES) / (2 * np.pi)
+    hue = np.stack(
+        [np.interp(turn, np.arange(len(HUES)), part, period=len(HUES)) for part in zip(*HUES, strict=True)], axis=1
+    )
+    return np.round(np.array(ZERO) + length * (hue - ZERO)).astype(np.uint8)
+
+
 def by_value(coloring: Coloring, values: np.ndarray, beside: np.ndarray | None = None) -> tuple[np.ndarray, Legend]:
     """Position of each value on the scale, 0 to 1, NaN where unknown; and the legend.
 
@@ -261,7 +279,7 @@ def by_value(coloring: Coloring, values: np.ndarray, beside: np.ndarray | None =
         ranges = np.array([np.percentile(each, ROBUST_RANGE) for each in shown])
         low, high = float(ranges[:, 0].min()), float(ranges[:, 1].max())
     scaled, ends = values.astype(float), (low, high)
-    if coloring.scale is Scale.LINEAR:
+    if coloring.scale in (Scale.LINEAR, Scale.VECTOR):
         ends = (low, high) = (0.0, high)
     elif coloring.scale is Scale.LOGARITHMIC:
         low = max(low, high * 10.0**-DECADES)
@@ -270,6 +288,18 @@ def by_value(coloring: Coloring, values: np.ndarray, beside: np.ndarray | None =
     span = ends[1] - ends[0]
     at = np.clip((scaled - ends[0]) / span, 0, 1) if span > 0 else np.where(np.isnan(scaled), np.nan, 0.0)
     return at, Legend(coloring, low, high, smallest, largest, int(np.isnan(values).sum()))
+
+
+def by_vector(coloring: Coloring, values: np.ndarray, beside: np.ndarray | None = None) -> tuple[np.ndarray, Legend]:
+    """Vectors (m, 2) as they are shown, of a length of at most 1, NaN where unknown; and the legend, of their lengths.
+
+    Args:
+        beside: further vectors, as in `by_value`.
+    """
+    length, other = (None if each is None else np.hypot(each[:, 0], each[:, 1]) for each in (values, beside))
+    assert length is not None
+    at, legend = by_value(coloring, length, other)
+    return values * (at / np.where(length > 0, length, 1))[:, None], legend
 
 
 def _by_category(

@@ -1,4 +1,4 @@
-"""Picture of the residuals at the samples of the cells, as a texture of the mesh, in the colours of the legend.
+"""Picture of the residuals or the flow at the samples of the cells, as a texture of the mesh, in the colours of the legend.
 
 The samples of a face are copied into the texture as they are, in their triangle; two triangles of one size
 share a square. The
@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from PIL import Image
 
-from app.pictures.coloring import UNKNOWN, Coloring, Legend, by_value, color_map
-from fairing.judge.texel_residuals import TexelResiduals
+from app.pictures.coloring import UNKNOWN, Coloring, Legend, Scale, by_value, by_vector, color_map, wheel_colors
+from fairing.judge.texels import Texels
 from fairing.texture.layout import pack_in_pairs
 
 # Texels per side, which any graphics card can hold. Where the samples do not fit, blocks of 2 x 2, 3 x 3 ... are averaged.
@@ -24,14 +24,14 @@ UNKNOWN_INDEX = SHADES  # the last entry of the palette
 
 @dataclass(frozen=True, eq=False)
 class TexelPicture:
-    """A texture of the residuals.
+    """A texture of the values at the samples.
 
     Attributes:
         uv: (m, 3, 2) float: texture coordinates of the corners of the faces, 0 to 1, origin at the top left.
         picture: the texture, a PNG file.
         texels: number of its pixels.
         legend: its `unknown` counts the faces without any known sample.
-        blur: px, see `TexelResiduals`.
+        blur: px, see `Texels`.
     """
 
     uv: np.ndarray
@@ -62,19 +62,24 @@ class _Grids:
         return self.size + 3 * self.margin + 2
 
 
-def texel_picture(found: TexelResiduals, coloring: Coloring, beside: TexelResiduals | None = None) -> TexelPicture:
-    """Paint residuals.
+def texel_picture(found: Texels, coloring: Coloring, beside: Texels | None = None) -> TexelPicture:
+    """Paint residuals or flow.
 
     Args:
         coloring: how values become colours.
-        beside: residuals that the scale fits too, shown beside these.
+        beside: values that the scale fits too, shown beside these.
 
     Raises:
         ValueError: too many faces for a texture of `LARGEST` texels.
     """
     ids = np.flatnonzero(found.size)
-    at, legend = by_value(coloring, found.values, None if beside is None else beside.values)
-    is_known = ~np.isnan(found.values)
+    place, paint, empty = (
+        (by_vector, _wheel_shades, np.array(UNKNOWN, dtype=np.uint8))
+        if coloring.scale is Scale.VECTOR
+        else (by_value, _shades, np.uint8(UNKNOWN_INDEX))
+    )
+    at, legend = place(coloring, found.values, None if beside is None else beside.values)
+    is_known = ~np.isnan(at if at.ndim == 1 else at[:, 0])
     n_known = np.array([is_known[found.start[face] : found.start[face + 1]].sum() for face in ids.tolist()], dtype=int)
     n_samples = np.diff(found.start)[ids]
     legend = replace(
@@ -83,22 +88,22 @@ def texel_picture(found: TexelResiduals, coloring: Coloring, beside: TexelResidu
         left_out=float((n_samples - n_known)[n_known > 0].sum() / max(1, n_samples[n_known > 0].sum())),
     )
     factor, grids, (size, first, is_turned) = _fitting(found.size[ids], found.inset[ids])
-    indices = np.full((size[1], size[0]), UNKNOWN_INDEX, dtype=np.uint8)
+    texture = np.full((size[1], size[0], *np.shape(empty)), empty)
     nearest: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     for k, face in enumerate(ids.tolist()):
         n, box = int(grids.size[k]), int(grids.box[k])
         if n not in nearest:
             nearest[n] = _nearest_samples(n, int(grids.margin[k]))
         is_own, sample = nearest[n]
-        shade = _shades(_averaged(at[found.start[face] : found.start[face + 1]], int(factor[k])))
-        tile = indices[first[k, 1] : first[k, 1] + box, first[k, 0] : first[k, 0] + box]
+        shade = paint(_averaged(at[found.start[face] : found.start[face + 1]], int(factor[k])))
+        tile = texture[first[k, 1] : first[k, 1] + box, first[k, 0] : first[k, 0] + box]
         (tile[::-1, ::-1] if is_turned[k] else tile)[is_own] = shade[sample]
     # The last row is unknown: the faces without samples lie in it.
     uv = np.full((len(found.size), 3, 2), (0.5, (size[1] - 0.5) / size[1]))
     local = grids.margin[:, None, None] + grids.corner_at
     local = np.where(is_turned[:, None, None], grids.box[:, None, None] - 1 - local, local)
     uv[ids] = (first[:, None] + local + 0.5) / size
-    return TexelPicture(uv, _png(indices), indices.size, legend, found.blur)
+    return TexelPicture(uv, _png(texture), int(size[0] * size[1]), legend, found.blur)
 
 
 def _shades(at: np.ndarray) -> np.ndarray:
@@ -106,11 +111,18 @@ def _shades(at: np.ndarray) -> np.ndarray:
     return np.where(np.isnan(at), UNKNOWN_INDEX, np.round((SHADES - 1) * np.nan_to_num(at))).astype(np.uint8)
 
 
-def _png(indices: np.ndarray) -> bytes:
-    """A PNG file with the palette: a third as large as one with three channels, and without the errors of a JPEG file."""
-    shades = color_map()[np.linspace(0, len(color_map()) - 1, SHADES).round().astype(int)]
-    image = Image.fromarray(indices)
-    image.putpalette(np.vstack([shades, UNKNOWN]).astype(np.uint8).tobytes())
+def _wheel_shades(at: np.ndarray) -> np.ndarray:
+    """(p, 3) uint8 RGB: colours of vectors (p, 2), NaN where unknown."""
+    is_known = ~np.isnan(at[:, :1])
+    return np.where(is_known, wheel_colors(np.nan_to_num(at)), np.array(UNKNOWN, dtype=np.uint8))
+
+
+def _png(texture: np.ndarray) -> bytes:
+    """A PNG file, without the errors of a JPEG file, of colours (h, w, 3) or of entries of the palette (h, w), a third as large."""
+    image = Image.fromarray(texture)
+    if texture.ndim == 2:
+        shades = color_map()[np.linspace(0, len(color_map()) - 1, SHADES).round().astype(int)]
+        image.putpalette(np.vstack([shades, UNKNOWN]).astype(np.uint8).tobytes())
     file = io.BytesIO()
     image.save(file, "PNG", compress_level=1)
     return file.getvalue()
@@ -123,7 +135,7 @@ def _fitting(
     where these lie, see `pack_in_pairs`; the texture has one row more.
 
     Args:
-        size, inset: (f,): see `TexelResiduals`.
+        size, inset: (f,): see `Texels`.
     """
     if len(size) == 0:
         empty = np.zeros(0, dtype=np.int64)
@@ -139,7 +151,7 @@ def _fitting(
 
 def _grids(size: np.ndarray, inset: np.ndarray, factor: np.ndarray) -> _Grids:
     """Args:
-    size, inset: (f,): see `TexelResiduals`.
+    size, inset: (f,): see `Texels`.
     factor: (f,) int: side of the blocks of samples that are averaged.
     """
     reduced = -(-size // factor)
@@ -155,15 +167,15 @@ def _grids(size: np.ndarray, inset: np.ndarray, factor: np.ndarray) -> _Grids:
 
 
 def _averaged(values: np.ndarray, factor: int) -> np.ndarray:
-    """Means of blocks of factor x factor samples of a triangle (p,); NaN where none of a block is known."""
+    """Means of blocks of factor x factor samples of a triangle (p,) or (p, c); NaN where none of a block is known."""
     if factor == 1:
         return values
     n = round((np.sqrt(8 * len(values) + 1) - 1) / 2)
     reduced = -(-n // factor)
-    image = np.full((reduced * factor, reduced * factor), np.nan)
+    image = np.full((reduced * factor, reduced * factor, *values.shape[1:]), np.nan)
     rows, columns = np.nonzero(np.add.outer(np.arange(n), np.arange(n)) < n)
     image[rows, columns] = values
-    blocks = image.reshape(reduced, factor, reduced, factor)
+    blocks = image.reshape(reduced, factor, reduced, factor, *values.shape[1:])
     count = (~np.isnan(blocks)).sum(axis=(1, 3))
     mean = np.divide(np.nansum(blocks, axis=(1, 3)), count, out=np.full(count.shape, np.nan), where=count > 0)
     return mean[np.add.outer(np.arange(reduced), np.arange(reduced)) < reduced]

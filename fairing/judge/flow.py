@@ -21,6 +21,7 @@ from fairing.camera import Camera
 from fairing.judge.inspect import FaceCells
 from fairing.scene import Scene
 
+LEAST_WINDOW = 2.0  # cell pixels: sigma of the Gaussian window in large faces, whose samples lie some px apart
 # Least eigenvalue of a window's structure tensor, (grey levels / cell pixel)^2, at which the confidence of a flow is 0.5.
 HALF_CONFIDENCE = 4.0
 
@@ -121,14 +122,26 @@ def _in_photo(
     """In one photo, px: positions (p, 2), their displacements (p, 2), the derivative of a position by the weights of corners
     0 and 1 (p, 2, 2), and the vertex's displacement (2,)."""
     of_vertex = camera.J_image_wrt_point(vertex) @ displacement
-    edges = corners[:2] - corners[2]
+    derivative = image_from_ramp(camera, corners, bary, affine)
     if affine:
-        uv, _ = camera.project(corners)
-        image_from_ramp = np.broadcast_to((uv[:2] - uv[2]).T, (len(bary), 2, 2))
-        return bary @ uv, hat[:, None] * of_vertex, image_from_ramp, of_vertex
+        return bary @ camera.project(corners)[0], hat[:, None] * of_vertex, derivative, of_vertex
     points = bary @ corners
     J = camera.J_image_wrt_point(points)
-    return camera.project(points)[0], hat[:, None] * (J @ displacement), J @ edges.T, of_vertex
+    return camera.project(points)[0], hat[:, None] * (J @ displacement), derivative, of_vertex
+
+
+def image_from_ramp(camera: Camera, corners: np.ndarray, bary: np.ndarray, affine: bool) -> np.ndarray:
+    """(p, 2, 2) float, px: derivative of the position in a photo by the barycentric weights of corners 0 and 1.
+
+    Args:
+        corners: (3, 3) float, world units: of a face.
+        bary: (p, 3) float: barycentric weights of the positions.
+        affine: whether the warp between face and photo is affine.
+    """
+    if affine:
+        uv, _ = camera.project(corners)
+        return np.broadcast_to((uv[:2] - uv[2]).T, (len(bary), 2, 2))
+    return camera.J_image_wrt_point(bary @ corners) @ (corners[:2] - corners[2]).T
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,6 +201,32 @@ def face_flow(cells: FaceCells, reduction: int = 1) -> tuple[np.ndarray, np.ndar
     return reduction * flow, confidence
 
 
+def flow_in_photo(
+    cells: FaceCells, slot: int, image_from_cell: np.ndarray, window: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Optical flow from one cell to its reconstruction at every sample, in px of its photo.
+
+    Args:
+        slot: of the cell, an index into `cells.views`.
+        image_from_cell: (p, 2, 2) float, px / cell pixel: derivative of the samples' positions in the photo by column and row.
+        window: sigma of the Gaussian window, px of the photo; the window is round in the cell, and this its mean size. At
+            least `LEAST_WINDOW` is used.
+
+    Returns:
+        (p, 2) float, px (right, down), and its confidence (p,) float, 0 to 1, as of `lucas_kanade` with gradients per half a
+        window: the same texture counts as well in larger and blurred photos. So it is in `face_flow`, after the reduction.
+    """
+    one, other, valid = (images[slot] for images in _grey_images(cells, 1))
+    rows, columns = cells.rows_and_columns
+    derivative = np.broadcast_to(np.eye(2), (*one.shape, 2, 2)).copy()  # anything regular outside the triangle
+    derivative[rows, columns] = image_from_cell
+    spacing = float(np.sqrt(np.abs(np.linalg.det(image_from_cell)).mean()))  # of the samples, px
+    sigma = max(LEAST_WINDOW, window / spacing)
+    unit = 0.5 * sigma * spacing
+    flow, confidence = lucas_kanade(one, other, valid == 1, sigma, derivative / unit)
+    return unit * flow[rows, columns], confidence[rows, columns]
+
+
 def _grey_images(cells: FaceCells, reduction: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cells, reconstructions and the fraction of valid samples, (n, N // r, N // r) float each, grey levels; NaN outside."""
     one, other = cells.as_images(cells.observed), cells.as_images(cells.reconstruction)
@@ -207,7 +246,7 @@ def _reduced(images: np.ndarray, reduction: int) -> np.ndarray:
 
 
 def lucas_kanade(
-    image: np.ndarray, target: np.ndarray, valid: np.ndarray, window: float
+    image: np.ndarray, target: np.ndarray, valid: np.ndarray, window: float, derivative: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Flow f with target(u + f) = image(u) by least squares in a Gaussian window, and its confidence.
 
@@ -219,11 +258,16 @@ def lucas_kanade(
         image, target: (h, w) float, grey levels; NaN is allowed where not valid.
         valid: (h, w) bool: pixels that count.
         window: sigma, pixels.
+        derivative: (h, w, 2, 2) float: of coordinates in which flow and gradients are measured, by column and row; None:
+            those are pixels.
 
     Returns:
-        (h, w, 2) float, pixels (column, row), and (h, w) float, 0 to 1.
+        (h, w, 2) float, pixels (column, row) or the coordinates of `derivative`, and (h, w) float, 0 to 1.
     """
     gx, gy, difference, weight = _linearised(image, target, valid)
+    if derivative is not None:
+        gradient = np.stack([gx, gy], axis=-1)[..., None]
+        gx, gy = np.moveaxis(np.linalg.solve(np.swapaxes(derivative, -1, -2), gradient)[..., 0], -1, 0)
     total = np.maximum(gaussian_filter(weight, window), 1e-9)
     flow, smaller_share = _least_squares_flow(
         gx, gy, difference, lambda values: gaussian_filter(weight * values, window) / total

@@ -4,52 +4,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fairing.judge.inspect import FaceCells, cells_of_all_faces
+from fairing.judge.inspect import FaceCells
+from fairing.judge.texels import Texels, check_moment_and_photo, measure_texels
 from fairing.run.session import Session
 
 
 @dataclass(frozen=True, eq=False)
-class TexelResiduals:
-    """Absolute residuals |I - U c| at the samples of all faces, in one photo or means over photos; t samples in all.
+class TexelResiduals(Texels):
+    """Absolute residuals |I - U c| at the samples of all faces, in one photo or means over photos.
 
-    A face has N x N samples in a right triangle, row by row: N - row of them in each row. Sample (row, column) has the
-    barycentric weights
-
-        inset + (1 - 3 inset) (column + 1/3) / N   of corner 0,
-        inset + (1 - 3 inset) (row + 1/3) / N      of corner 1, the rest of corner 2,
-
-    see `FaceCells` and `fairing.cells.layout.cell_grid`.
-
-    Attributes:
-        size: (m,) int: N of each face; 0 for a face that takes no part.
-        inset: (m,) float: border that the cells leave out, as a fraction of the face's height.
-        start: (m + 1,) int: the samples of face f are `start[f] : start[f + 1]` of `values`.
-        values: (t,) float32, grey levels, the mean of the channels with colour; NaN where no photo shows the sample.
-        blur: px: the photos were blurred by this much (standard deviation) in the sweep of the moment.
+    The values are (t,), grey levels, the mean of the channels with colour; NaN where no photo shows the sample.
     """
-
-    size: np.ndarray
-    inset: np.ndarray
-    start: np.ndarray
-    values: np.ndarray
-    blur: float
-
-    def of_face(self, face: int) -> np.ndarray:
-        """(p,) float32, grey levels: the samples of a face, p = N (N + 1) / 2."""
-        return self.values[self.start[face] : self.start[face + 1]]
-
-    def image(self, face: int) -> np.ndarray:
-        """(N, N) float32, grey levels: the samples of a face by row and column; NaN outside the triangle too."""
-        n = int(self.size[face])
-        image = np.full((n, n), np.nan, dtype=np.float32)
-        image[np.add.outer(np.arange(n), np.arange(n)) < n] = self.of_face(face)
-        return image
 
 
 def texel_residuals(session: Session, moment: int | None = None, view: int | None = None) -> TexelResiduals:
-    """Residuals at every sample of all faces that take part, with the cells of `fairing.judge.inspect.face_cells`.
-
-    The cells are those of the sweep at the moment: as sharp as the photos at the finest level, blurred before.
+    """Residuals at every sample of all faces that take part, see `fairing.judge.texels.measure_texels`.
 
     Args:
         moment: default: the session's present moment.
@@ -61,23 +30,12 @@ def texel_residuals(session: Session, moment: int | None = None, view: int | Non
         Cancelled: the session's cancellation was requested.
     """
     moment = session.moment if moment is None else moment
-    n_views, n_faces = len(session.scene.views), len(session.scene.mesh.faces)
-    if not 0 <= moment <= len(session.trace):
-        raise IndexError(f"moment {moment}: this run has moments 0 to {len(session.trace)}")
-    if view is not None and not 0 <= view < n_views:
-        raise IndexError(f"photo {view}: this scene has photos 0 to {n_views - 1}")
-    context = session.sweep_state(moment).context
-    size, by_face = np.zeros(n_faces, dtype=np.int64), [np.zeros(0, dtype=np.float32)] * n_faces
-    for cells in cells_of_all_faces(session, moment, "measuring residuals", view):
-        size[cells.face] = cells.size
-        by_face[cells.face] = _by_sample(cells, slice(None) if view is None else cells.views == view)
-    return TexelResiduals(
-        size,
-        context.kernel.face_inset,
-        np.cumsum([0, *(len(values) for values in by_face)]),
-        np.concatenate(by_face),
-        session.options.levels[context.level].blur,
-    )
+    check_moment_and_photo(session, moment, view)
+
+    def by_sample(cells: FaceCells) -> np.ndarray:
+        return _by_sample(cells, slice(None) if view is None else cells.views == view)
+
+    return measure_texels(TexelResiduals, session, moment, view, "measuring residuals", by_sample)
 
 
 def _by_sample(cells: FaceCells, chosen: np.ndarray | slice) -> np.ndarray:

@@ -96,7 +96,7 @@ def test_face_splits_are_stepped_both_ways(page: Page):
         page.get_by_text("Candidates", exact=True).wait_for()
         has("candidate")
         has("split", False)
-        button_of(page, "One flip").click()
+        button_of(page, "One step").click()
         page.get_by_text("Part 1 of 3: split", exact=True).wait_for()
         for name in ("split", "candidate", "part"):
             has(name)
@@ -137,7 +137,7 @@ def test_a_mesh_is_carved_out_of_its_points(page: Page, carving_app: FlipApp):
     page.on("pageerror", lambda error: troubles.append(str(error)))
     page.goto(carving_app.url)
     page.get_by_text("Photos", exact=True).wait_for()
-    button_of(page, "One flip").click()
+    button_of(page, "One step").click()
     page.get_by_text("Points of photo 1 · p0", exact=True).wait_for()
     is_shown(page, "new_points")
     page.keyboard.press("]")
@@ -182,7 +182,7 @@ def test_a_mesh_is_carved_out_of_its_points(page: Page, carving_app: FlipApp):
     page.get_by_text("The seen surface", exact=True).wait_for()
     is_shown(page, "surface")
     is_shown(page, "cut_inside", False)
-    button_of(page, "To the last flip").click()
+    button_of(page, "To the last step").click()
     page.get_by_text("Flip 0 of 0", exact=True).wait_for()
     is_shown(page, "surface", False)
     assert troubles == []

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from playwright.sync_api import ViewportSize
 
 from app.layers.vertices import RING
 from app.page.server import start
@@ -89,6 +90,65 @@ def test_a_phone_shows_the_whole_mesh_and_whole_buttons(visitor: Visitor):
     finally:
         visitor.resize(WINDOW)
         visitor.page.keyboard.press("m")
+
+
+def test_a_window_made_narrow_or_wide_shows_the_standard_view_anew_unless_the_user_has_moved_the_camera(
+    visitor: Visitor,
+):
+    page, camera, stage = visitor.page, page_of(visitor.app)._client.camera, visitor.app.resources.stage
+    narrow: ViewportSize = {"width": WINDOW["width"], "height": 900}  # wider by height than a phone
+
+    def stands_at(eye: np.ndarray, target: np.ndarray) -> bool:
+        """Whether the camera is where the view's width by height wants it: farther away by 0.7 / aspect in narrow views."""
+        return np.allclose(camera.position, target + max(1.0, 0.7 / camera.aspect) * (eye - target), atol=1e-2)
+
+    try:
+        for key, eye, target in (
+            ("m", stage.eye, stage.target),
+            ("Shift+F", stage.frontal(), stage.target),
+            ("Shift+T", stage.above(), stage.target_from_above()),
+            ("v", stage.overview(), stage.target),
+        ):
+            page.keyboard.press(key)
+            wait_for(lambda eye=eye, target=target: stands_at(eye, target))
+            visitor.resize(narrow)
+            wait_for(lambda: camera.aspect < 0.68)
+            wait_for(lambda eye=eye, target=target: stands_at(eye, target))
+            visitor.resize(WINDOW)
+            wait_for(lambda: camera.aspect > 0.7)
+            wait_for(lambda eye=eye: np.allclose(camera.position, eye, atol=1e-2))
+        # A photo that is looked through meanwhile, and left, changes nothing about it.
+        page.keyboard.press("m")
+        wait_for(lambda: stands_at(stage.eye, stage.target))
+        page.keyboard.press("3")
+        wait_for(lambda: not stands_at(stage.eye, stage.target))
+        visitor.resize(narrow)
+        wait_for(lambda: camera.aspect < 0.68)
+        page.keyboard.press("0")
+        wait_for(lambda: stands_at(stage.eye, stage.target))
+        visitor.resize(WINDOW)
+        wait_for(lambda: np.allclose(camera.position, stage.eye, atol=1e-2))
+        # Moved a little by the user.
+        box = visitor.canvas_box()
+        x, y = box["x"] + 0.1 * box["width"], box["y"] + 0.5 * box["height"]
+
+        def drag() -> None:
+            page.mouse.move(x, y)
+            page.mouse.down()
+            page.mouse.move(x + 25, y + 10, steps=5)
+            page.mouse.up()
+
+        visitor.use_mouse(drag, lambda: not stands_at(stage.eye, stage.target))
+        visitor.wait_until_still()
+        own = np.array(camera.position)
+        for size in (narrow, WINDOW):
+            visitor.resize(size)
+            wait_for(lambda size=size: (camera.aspect < 0.68) == (size == narrow))
+            page.wait_for_timeout(500)  # what would move it anew
+            assert np.array(camera.position) == pytest.approx(own, abs=1e-2), "the user's own pose stays"
+    finally:
+        visitor.resize(WINDOW)
+        page.keyboard.press("m")
 
 
 def test_no_frustum_with_a_photo_covers_the_mesh(visitor: Visitor):

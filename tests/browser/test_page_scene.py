@@ -7,18 +7,19 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, ViewportSize, expect
 
 from app.layers.certainty import PIECES, CertaintyLayer
 from app.page.server import App, start
 from app.page_state import residual_source
 from app.page_state.selection import Selection
 from app.palette import NOW
-from app.pictures.coloring import RESIDUAL_PER_PIXEL
+from app.pictures.coloring import PER_PIXEL
 from app.pictures.texel_picture import TexelPicture, texel_picture
 from app.viser_bridge.line_node import LineNode
 from demo_scenes import load_demo
 from fairing.judge.face_residuals import FaceResiduals
+from fairing.judge.texel_flow import texel_flow
 from fairing.judge.texel_residuals import TexelResiduals, texel_residuals
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, page_of
@@ -47,6 +48,11 @@ def app(scene):
 @pytest.fixture
 def visitor(visitor: Visitor) -> Visitor:
     visitor.page.get_by_role("tab", name="Layers").click()
+    # The tests read the whole legend: once the user has chosen it, it stays.
+    fold = visitor.page.locator("#eigenfairing-overlay .fold")
+    fold.click()
+    if fold.get_attribute("aria-expanded") == "false":
+        fold.click()
     return visitor
 
 
@@ -151,14 +157,18 @@ def drawn_texture(visitor: Visitor, node: str) -> np.ndarray:
     return np.array(found[2], dtype=int).reshape(found[0], found[1], 4)[..., :3]
 
 
-def texel_texture(app: App, view: int | None, at_start: bool = False, beside: bool = False) -> np.ndarray:
-    """(h, w, 3) the residuals at every sample as the texture has to have them; `beside`: in the colours of now and the start."""
+def texel_texture(
+    app: App, view: int | None, at_start: bool = False, beside: bool = False, surface: str = "residual"
+) -> np.ndarray:
+    """(h, w, 3) the residuals, or the flow, at every sample as the texture has to have them; `beside`: in the colours of now and
+    the start."""
     results = []
 
     def compute(session: Session) -> TexelPicture:
         moments = (0, session.moment) if at_start else (session.moment, 0)
-        found, other = (texel_residuals(session, moment, view) for moment in moments)
-        return texel_picture(found, RESIDUAL_PER_PIXEL, other if beside else None)
+        measure: Any = texel_residuals if surface == "residual" else texel_flow
+        found, other = (measure(session, moment, view) for moment in moments)
+        return texel_picture(found, PER_PIXEL[surface], other if beside else None)
 
     app.controller.query("test", compute, results.append)
     wait_for(lambda: results)
@@ -169,6 +179,14 @@ def texel_texture(app: App, view: int | None, at_start: bool = False, beside: bo
 def is_drawn(visitor: Visitor, node: str, expected: np.ndarray) -> bool:
     drawn = drawn_texture(visitor, node)
     return drawn.shape == expected.shape and bool(np.abs(drawn - expected).max() <= 2)
+
+
+def choose_in_palette(visitor: Visitor, entry: str) -> None:
+    visitor.page.keyboard.press("Control+k")
+    search = visitor.page.locator("input.mantine-Spotlight-search")
+    search.fill(entry)
+    visitor.page.locator(".mantine-Spotlight-action", has_text=entry).click()
+    search.wait_for(state="detached")  # keys typed into a palette that closes would be commands
 
 
 def test_residuals_are_painted_at_every_pixel_for_the_chosen_photo_and_on_both_sides_of_the_divider(
@@ -203,16 +221,54 @@ def test_residuals_are_painted_at_every_pixel_for_the_chosen_photo_and_on_both_s
     wait_for(lambda: not drawn_colors(visitor, "/mesh/colored_start"))
     visitor.button("Detail: Per face").click()
     page.get_by_text("Mean absolute residual, grey levels", exact=True).wait_for()
-    page.keyboard.press("Control+k")
-    page.locator(".mantine-Spotlight-action").first.wait_for()
-    page.keyboard.type("residual per pixel or per face")
-    expect(page.locator(".mantine-Spotlight-action")).to_have_count(1)
-    page.keyboard.press("Enter")
+    choose_in_palette(visitor, "Surface: residual per pixel or per face")
     title.wait_for()
     visitor.button("Previous photo").click()
     wait_for(lambda: is_drawn(visitor, "/mesh/colored", all_photos))
     visitor.button("Surface: Textured").click()
     title.wait_for(state="hidden")
+
+
+def test_flow_is_painted_at_every_pixel_of_one_photo_with_a_wheel_of_directions(visitor: Visitor):
+    page, app = visitor.page, visitor.app
+    overlay, page_state = page.locator("#eigenfairing-overlay"), page_of(app).page_state
+    title, by_face = (
+        overlay.get_by_text(text, exact=True) for text in ("Flow per pixel, px", "Image flow of each face")
+    )
+    arrows = "name => Boolean(window.__viserMutable.nodeRefFromName['/flow_arrows']?.visible) === name"
+    assert page_state.is_per_pixel
+    visitor.button("Coloured by: Image flow").click()
+    by_face.wait_for()  # of all photos, which have no common direction
+    page.wait_for_function(arrows, arg=True)
+    expect(visitor.button("Detail: Per face (one vector for each face and photo, with arrows)")).to_have_attribute(
+        "aria-pressed", "true"
+    )
+    visitor.button("Detail: Per pixel").click()
+    title.wait_for()
+    page.wait_for_function(arrows, arg=False)
+    page.get_by_text(re.compile(r"^Photo cube_00\.png, blurred by [\d.]+ px$")).wait_for()
+    photo, other = (texel_texture(app, view, surface="flow") for view in (0, 1))
+    assert len(np.unique(photo.reshape(-1, 3), axis=0)) > 50
+    wait_for(lambda: is_drawn(visitor, "/mesh/colored", photo))
+    assert visitor.box_of(overlay.locator(".wheel"))["width"] == 52
+    overlay.get_by_text("direction in the photo").wait_for()
+    expect(page.get_by_role("group", name="Arrows", exact=True)).to_have_count(0)
+    visitor.button("Next photo").click()
+    wait_for(lambda: is_drawn(visitor, "/mesh/colored", other))
+    visitor.button("Before and now").first.click()
+    start, now = (texel_texture(app, 1, at_start, beside=True, surface="flow") for at_start in (True, False))
+    wait_for(lambda: is_drawn(visitor, "/mesh/colored_start", start) and is_drawn(visitor, "/mesh/colored", now))
+    visitor.button("Before and now").first.click()
+    for shown in (by_face, title):
+        choose_in_palette(visitor, "Surface: image flow per pixel or per face")
+        shown.wait_for()
+    visitor.button("Previous photo").click()
+    wait_for(lambda: is_drawn(visitor, "/mesh/colored", photo))
+    visitor.button("Previous photo").click()
+    by_face.wait_for()
+    page.wait_for_function(arrows, arg=True)
+    visitor.button("Surface: Textured").click()
+    by_face.wait_for(state="detached")
 
 
 def test_residuals_and_flow_of_faces_are_painted_for_all_photos_or_one(visitor: Visitor):
@@ -271,6 +327,48 @@ def test_colours_of_another_quantity_say_so_until_the_chosen_one_is_computed(
     visitor.button("Arrows: Auto").click()
     visitor.button("Surface: Textured").click()
     overlay.get_by_text("Image flow of each face", exact=True).wait_for(state="detached")
+
+
+def test_a_long_legend_in_a_small_view_begins_with_its_title_and_scale_until_the_user_chooses(visitor: Visitor):
+    overlay = visitor.page.locator("#eigenfairing-overlay")
+    details = overlay.get_by_text(re.compile(r"^All photos\. Arrows: how far each face is off, ×\d+\.$"))
+    title, scale = overlay.get_by_text("Image flow of each face", exact=True), overlay.locator(".scale")
+    large: ViewportSize = {"width": 1440, "height": 900}
+    visitor.open()  # nothing is chosen in a new page
+    page_state = page_of(visitor.app).page_state
+    page_of(visitor.app).interaction.set_selection(Selection((0,)))
+    try:
+        page_state.surface = "flow"
+        visitor.app.controller.republish()
+        for part in (title, scale):
+            part.wait_for()
+        visitor.button("Show the legend").wait_for()
+        expect(details).to_be_hidden()
+        assert visitor.box_of(overlay)["height"] < 60
+        visitor.resize(large)
+        details.wait_for()
+        visitor.button("Fold the legend").wait_for()
+        visitor.resize(WINDOW)
+        details.wait_for(state="hidden")
+        visitor.button("Show the legend").click()
+        details.wait_for()
+        for size in (large, WINDOW):
+            visitor.resize(size)
+            assert details.is_visible(), "as the user has chosen"
+        visitor.button("Fold the legend").click()
+        expect(scale).to_be_hidden()
+        visitor.resize(large)
+        assert title.is_visible()
+        assert not details.is_visible(), "as the user has chosen"
+        page_state.surface = "moved"
+        visitor.app.controller.republish()
+        overlay.get_by_text("Distance from the start", exact=True).wait_for()
+        assert not scale.is_visible(), "as the user has chosen"
+    finally:
+        visitor.resize(WINDOW)
+        page_of(visitor.app).interaction.set_selection(Selection())
+        page_state.surface = "textured"
+        visitor.app.controller.republish()
 
 
 def test_the_surface_is_shown_at_the_start_now_and_at_the_truth_each_with_its_texture(visitor: Visitor, scene):
