@@ -12,7 +12,7 @@ from app.pictures.coloring import COLORINGS
 from demo_scenes import load_demo
 from fairing.errors import Cancelled
 from fairing.judge.face_residuals import LEAST_CONFIDENCE, face_residuals
-from fairing.judge.flow import optical_flow
+from fairing.judge.flow import face_flow, optical_flow
 from fairing.judge.inspect import face_cells
 from fairing.run.session import Session
 from tests.small_scene import FACES, corner_scene, small_options
@@ -67,6 +67,26 @@ def test_the_flow_is_the_mean_of_the_flow_field_mapped_onto_the_face_and_into_th
     cosine = (arrows * means).sum() / np.sqrt((arrows**2).sum() * (means**2).sum())
     assert cosine > 0.9
     assert 0.6 < np.linalg.norm(arrows) / np.linalg.norm(means) < 1.6
+
+
+@pytest.mark.parametrize("inset", [0.0, 2.0])
+def test_a_flow_of_one_cell_pixel_is_the_distance_of_two_samples_on_the_face(inset: float):
+    session = Session(corner_scene(), small_options(eigenspace={"dimensions": [1]}, cells={"inset": [inset]}))
+    found = face_residuals(session, 0)
+    known = np.flatnonzero(~np.isnan(found.flow_px))
+    assert len(known) > 10
+    for pair in known:
+        face = int(found.faces[pair])
+        cells, border = face_cells(session, face, 0), float(session.sweep_state(0).context.kernel.face_inset[face])
+        assert (border > 0) == (inset > 0)
+
+        def place(row: int, column: int, face=face, size=cells.size, border=border) -> np.ndarray:
+            a, b = (border + (1 - 3 * border) * (number + 1 / 3) / size for number in (column, row))
+            return np.array([a, b, 1 - a - b]) @ session.trace.start[FACES[face]]
+
+        flow = face_flow(cells)[0][cells.views.tolist().index(int(found.views[pair]))]
+        expected = flow[0] * (place(3, 4) - place(3, 3)) + flow[1] * (place(4, 3) - place(3, 3))
+        assert found.flow[pair] == pytest.approx(expected, rel=1e-9)
 
 
 def test_the_flow_of_all_photos_is_their_mean_and_falls_when_the_vertex_reaches_its_place():

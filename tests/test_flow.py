@@ -49,16 +49,20 @@ def test_masked_pixels_have_no_influence():
     assert flow[10, 30] == pytest.approx([0.4, 0.2], abs=0.06)
 
 
+@pytest.mark.parametrize("inset", [0.0, 2.0])
 @pytest.mark.parametrize("warp", ["homography", "affine"])
-def test_model_flow_is_what_a_small_displacement_does(warp):
-    session = Session(corner_scene(), small_options(cells={"warp": warp}))
+def test_model_flow_is_what_a_small_displacement_does(warp, inset):
+    session = Session(corner_scene(), small_options(cells={"warp": warp, "inset": [inset]}))
     cells = face_cells(session, 1)
     vertices, corner, eta = session.vertices, 2, np.array([1e-5, -2e-5, 1.5e-5])
     flow = model_flow(session.scene, vertices, cells, corner, eta, affine=warp == "affine")
     moved = vertices.copy()
     moved[corner] += eta
     rows, columns = cells.rows_and_columns
-    ramp = np.stack([columns + 1 / 3, rows + 1 / 3], axis=1) / cells.size
+    border = float(session.sweep_state(0).context.kernel.face_inset[1])
+    assert (border > 0) == (inset > 0)
+    spacing = (1 - 3 * border) / cells.size
+    ramp = border + spacing * np.stack([columns + 1 / 3, rows + 1 / 3], axis=1)
     bary = np.column_stack([ramp, 1 - ramp.sum(axis=1)])
     for i, view in enumerate(cells.views):
         camera = session.scene.views[view].camera
@@ -74,7 +78,7 @@ def test_model_flow_is_what_a_small_displacement_does(warp):
         at = int(np.argmax(np.abs(after - before).sum(axis=1)))
         x, y = after[at]
         guess = _cell_position(camera, vertices[FACES[1]], np.array([x, y]), warp)
-        expected = cells.size * (guess[:2] - bary[at, :2])
+        expected = (guess[:2] - bary[at, :2]) / spacing
         assert flow.vectors[i, at] == pytest.approx(expected, rel=1e-2, abs=1e-7)
         J = camera.J_image_wrt_point(vertices[corner])
         assert flow.vertex_vectors[i] == pytest.approx(J @ eta)

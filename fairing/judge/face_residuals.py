@@ -102,9 +102,9 @@ def face_residuals(session: Session, moment: int | None = None, *, with_flow: bo
 
 
 def _flow_in_cell(cells: FaceCells) -> np.ndarray:
-    """(n, 2) float: flow of each cell in lengths of the cell's edge (column, row); NaN where undetermined."""
+    """(n, 2) float: flow of each cell in lengths of the face's edges (column, row); NaN where undetermined."""
     flow, confidence = face_flow(cells, reduction=max(1, cells.size // FLOW_SIZE))
-    return np.where((confidence >= LEAST_CONFIDENCE)[:, None], flow, np.nan) / cells.size
+    return np.where((confidence >= LEAST_CONFIDENCE)[:, None], flow, np.nan) * cells.spacing
 
 
 def _length_in_photo(session: Session, views: np.ndarray, places: np.ndarray, motions: np.ndarray) -> np.ndarray:

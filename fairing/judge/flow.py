@@ -77,15 +77,13 @@ def model_flow(
     rows, columns = cells.rows_and_columns
     chosen = (rows % spacing == 0) & (columns % spacing == 0)
     rows, columns = rows[chosen], columns[chosen]
-    ramp = np.stack([columns + 1 / 3, rows + 1 / 3], axis=1) / cells.size
-    bary = np.column_stack([ramp, 1 - ramp.sum(axis=1)])
+    bary = cells.barycentric(rows, columns)
     hat = bary[:, int(np.flatnonzero(face == vertex)[0])]
     corners = vertices[face]
     cameras = [scene.views[v].camera for v in cells.views]
     found = [_in_photo(camera, corners, vertices[vertex], bary, hat, displacement, affine) for camera in cameras]
     photo_places, photo_vectors, image_from_ramp, of_vertex = (np.array(part) for part in zip(*found, strict=True))
-    # One step of the ramp is `size` cell pixels.
-    vectors = cells.size * np.linalg.solve(image_from_ramp, photo_vectors[..., None])[..., 0]
+    vectors = np.linalg.solve(image_from_ramp, photo_vectors[..., None])[..., 0] / cells.spacing
     places = np.stack([columns, rows], axis=1).astype(float)
     return ModelFlow(places, vectors, photo_places, photo_vectors, of_vertex)
 

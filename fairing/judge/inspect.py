@@ -44,6 +44,7 @@ class FaceCells:
         face: id.
         moment: the moment they belong to.
         size: N.
+        inset: border of the face that the cells leave out, as a fraction of its height.
         channels: 1 (grey) or 3.
         views: (n,) int: the view of each cell.
         observed: (n, p) float32: I, grey levels.
@@ -67,6 +68,7 @@ class FaceCells:
     face: int
     moment: int
     size: int
+    inset: float
     channels: int
     views: np.ndarray
     observed: np.ndarray
@@ -104,6 +106,16 @@ class FaceCells:
         """Row and column of every sample, (p / channels,) int each."""
         rows, columns = np.nonzero(np.add.outer(np.arange(self.size), np.arange(self.size)) < self.size)
         return rows, columns
+
+    @property
+    def spacing(self) -> float:
+        """Of the barycentric weights of corners 0 and 1, from a sample to the next."""
+        return (1 - 3 * self.inset) / self.size
+
+    def barycentric(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """(q, 3) float: barycentric weights of the samples at rows and columns (q,) int."""
+        ramp = self.inset + self.spacing * (np.stack([columns, rows], axis=1) + 1 / 3)
+        return np.column_stack([ramp, 1 - ramp.sum(axis=1)])
 
     def as_images(self, values: np.ndarray) -> np.ndarray:
         """(n, N, N) float, or (n, N, N, 3) in colour, from values (n, p); NaN outside the triangle."""
@@ -255,6 +267,7 @@ def cells_in_context(
         face=face,
         moment=moment,
         size=round((np.sqrt(8 * p / data.channels + 1) - 1) / 2),
+        inset=float(data.face_inset[face]),
         channels=data.channels,
         views=views,
         observed=raw,

@@ -41,16 +41,13 @@ def texel_flow(session: Session, moment: int | None, view: int) -> TexelFlow:
     check_moment_and_photo(session, moment, view)
     vertices, faces = session.trace.vertices_at(moment), session.scene.mesh.faces
     context = session.sweep_state(moment).context
-    insets, blur = context.kernel.face_inset, session.options.levels[context.level].blur
+    blur = session.options.levels[context.level].blur
     camera, is_affine = session.scene.views[view].camera, session.options.cells.warp == "affine"
 
     def by_sample(cells: FaceCells) -> np.ndarray:
         rows, columns = cells.rows_and_columns
-        inset = float(insets[cells.face])
-        step = (1 - 3 * inset) / cells.size  # of the barycentric weights, from a sample to the next
-        ramp = inset + step * (np.stack([columns, rows], axis=1) + 1 / 3)
-        weights = np.column_stack([ramp, 1 - ramp.sum(axis=1)])
-        image_from_cell = step * image_from_ramp(camera, vertices[faces[cells.face]], weights, is_affine)
+        weights = cells.barycentric(rows, columns)
+        image_from_cell = cells.spacing * image_from_ramp(camera, vertices[faces[cells.face]], weights, is_affine)
         slot = cells.views.tolist().index(view)
         flow, confidence = flow_in_photo(cells, slot, image_from_cell, float(np.hypot(WINDOW, blur)))
         return np.where((confidence >= LEAST_CONFIDENCE)[:, None], flow, np.nan).astype(np.float32)
