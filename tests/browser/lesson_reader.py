@@ -14,7 +14,6 @@ from app.lesson_pages.playing import PlayedLesson, PlayedStep
 from app.lessons.facts import facts_of
 from app.lessons.reader import numbers_in
 from fairing.judge.inspect import cells_in_context, energies_by_dimension
-from tests.browser.driver import CHEAP_FRAMES
 from tests.waiting import PATIENCE, wait_for
 
 # Cells of the page and the engine differ at the border of parts blurred by Fourier transform (see test_page_export).
@@ -57,7 +56,6 @@ class Reader:
 
     def __init__(self, context: BrowserContext) -> None:
         self.page: Page = context.new_page()
-        self.page.add_init_script(CHEAP_FRAMES)
         self.page.set_default_timeout(1000 * PATIENCE)
         self.troubles: list[str] = []
         self.requests: list[str] = []
