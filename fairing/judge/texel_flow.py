@@ -7,7 +7,7 @@ import numpy as np
 from fairing.judge.face_residuals import LEAST_CONFIDENCE
 from fairing.judge.flow import flow_in_photo, image_from_ramp
 from fairing.judge.inspect import FaceCells
-from fairing.judge.texels import Texels, check_moment_and_photo, measure_texels
+from fairing.judge.texels import Texels, chosen_moment, measure_texels
 from fairing.run.session import Session
 
 WINDOW = 4.0  # px of the photo: sigma of the Gaussian window where the photos are not blurred (ledger: flow per pixel)
@@ -37,8 +37,7 @@ def texel_flow(session: Session, moment: int | None, view: int) -> TexelFlow:
         InputError: no photo sees any face well enough.
         Cancelled: the session's cancellation was requested.
     """
-    moment = session.moment if moment is None else moment
-    check_moment_and_photo(session, moment, view)
+    moment = chosen_moment(session, moment, view)
     vertices, faces = session.trace.vertices_at(moment), session.scene.mesh.faces
     context = session.sweep_state(moment).context
     blur = session.options.levels[context.level].blur

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fairing.judge.inspect import FaceCells
-from fairing.judge.texels import Texels, check_moment_and_photo, measure_texels
+from fairing.judge.texels import Texels, chosen_moment, measure_texels
 from fairing.run.session import Session
 
 
@@ -29,8 +29,7 @@ def texel_residuals(session: Session, moment: int | None = None, view: int | Non
         InputError: no photo sees any face well enough.
         Cancelled: the session's cancellation was requested.
     """
-    moment = session.moment if moment is None else moment
-    check_moment_and_photo(session, moment, view)
+    moment = chosen_moment(session, moment, view)
 
     def by_sample(cells: FaceCells) -> np.ndarray:
         return _by_sample(cells, slice(None) if view is None else cells.views == view)

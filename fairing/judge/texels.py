@@ -48,14 +48,18 @@ class Texels:
         return image
 
 
-def check_moment_and_photo(session: Session, moment: int, view: int | None) -> None:
-    """Raises:
-    IndexError: no such moment or photo.
+def chosen_moment(session: Session, moment: int | None, view: int | None) -> int:
+    """The moment to measure, for a photo or all; None: the session's present one.
+
+    Raises:
+        IndexError: no such moment or photo.
     """
+    moment = session.moment if moment is None else moment
     if not 0 <= moment <= len(session.trace):
         raise IndexError(f"moment {moment}: this run has moments 0 to {len(session.trace)}")
     if view is not None and not 0 <= view < len(session.scene.views):
         raise IndexError(f"photo {view}: this scene has photos 0 to {len(session.scene.views) - 1}")
+    return moment
 
 
 Kind = TypeVar("Kind", bound=Texels)
