@@ -17,7 +17,7 @@ from fairing.geometry.rasterize import rasterize_inverse
 SPACING = 1.5  # px between samples along a crease; also how far they may lie behind the surface, see `_samples_along`
 SEGMENT = 14.0  # px; creases of half of it, and segments of which half is visible, are measured
 STEP = 0.5  # px between samples of a profile; its derivative is the difference of the neighbours
-MIN_SIGNIFICANCE = 3.0  # of a peak, in units of its noise; three times as much has full weight
+FULL_SIGNIFICANCE = 15.0  # of a peak, in units of its noise: its place is ever more certain up to it (ledger: weight of peaks)
 CONCAVE_WEIGHT = 0.3  # concave creases have contact shadows and reflections beside them (ledger: creases)
 
 
@@ -233,8 +233,8 @@ def _peaks(contrast: np.ndarray, noise: np.ndarray, places: np.ndarray) -> tuple
     for neighbour in (-1, 0, 1):
         others[rows, best + neighbour] = 0
     uniqueness = np.clip(1 - others.max(axis=1) / np.maximum(top, 1e-300), 0, 1)  # 0: another one equals it
-    counts = (score[rows, best] > 0) & (significance > MIN_SIGNIFICANCE)
-    weight = np.where(counts, np.minimum(significance / MIN_SIGNIFICANCE, 3) / 3 * uniqueness, 0.0)
+    # The variance of a place is as 1 / significance^2.
+    weight = np.where(score[rows, best] > 0, np.minimum(significance / FULL_SIGNIFICANCE, 1) ** 2 * uniqueness, 0.0)
     return places[best] + STEP * shift, weight
 
 
