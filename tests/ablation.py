@@ -94,7 +94,6 @@ SETTINGS = (
     Setting("schedule.max_iterations"),
     Setting("schedule.sweep_tolerance", off=0.0),
     Setting("fairing.run.stepper.GAIN", off=0.0),
-    Setting("fairing.run.phases.MAX_DISPLACEMENT"),
     Setting("fairing.run.fits.FAR_ERROR"),
     Setting("fairing.run.sweep.POINTS_VARIANCE"),
     Setting("fairing.cells.level_choice.FOOTPRINT_PER_BLUR"),

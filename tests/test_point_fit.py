@@ -13,7 +13,6 @@ from fairing.mesh import Mesh
 from fairing.optimize.rows import Rows
 from fairing.options import FINE_BLUR, PRESETS, FairingOptions
 from fairing.run.fits import points_on_mesh
-from fairing.run.gauss_newton_step import judge, propose
 from fairing.run.phases import Level
 from fairing.run.planning import FAR_ERROR, points_accept_smoothing
 from fairing.run.records import held_out_points_prefer
@@ -26,7 +25,7 @@ from fairing.solve.point_split import fitting_points, held_out_points, observed_
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
 from fairing.terms.closest_points import closest_points
-from fairing.trace import SchedulePosition, StepReason, Trace
+from fairing.trace import StepReason, Trace
 from tests.fit_of_points import closest_fit
 from tests.small_scene import (
     FACES,
@@ -331,24 +330,6 @@ def test_points_accept_smoothing_of_noise_and_refuse_it_at_the_truth():
     noise = np.random.default_rng(8).normal(0, 0.03, fine.mesh.vertices.shape)
     noisy = replace(fine, mesh=fine.mesh.moved(fine.mesh.vertices + noise))
     assert points_accept_smoothing(problem_of(observed(noisy, on_the_faces(900))))
-
-
-def test_a_vertex_goes_no_farther_from_its_origin_than_the_phase_allows():
-    scene, most = corner_scene(FAR), 1.0
-    problem, start = problem_of(scene), scene.mesh.vertices
-    moved = []
-    for allowed in (np.inf, most):
-        phase, vertices = Photos(StageKind.PHOTOS, 1, 1, max_displacement=allowed), start
-        for _ in range(4):
-            sweep = begin_sweep(problem, Level(1, 0.1), phase, 0, vertices, start)
-            for block in sweep.blocks:
-                proposal = propose(problem, sweep, block, vertices, None, None)
-                step = judge(problem, sweep, block, SchedulePosition(1, 0, 0, 0), vertices, proposal)
-                vertices = step.record.applied_to(vertices)
-        moved.append((np.linalg.norm(vertices - start, axis=1) * sweep.pixels_per_unit).max())
-    free, bounded = moved
-    assert free > 2 * most
-    assert 0.9 * most < bounded < 1.1 * most
 
 
 def subdivided(scene: Scene) -> Scene:

@@ -71,12 +71,12 @@ def test_limits_only_shorten_a_step_and_the_last_one_is_recorded():
         if record.stage is not StageKind.PHOTOS:
             continue
         trial = session.trial(int(record.vertices[0]), moment)
-        steps = [trial.proposal.proposed, trial.proposal.shortened, trial.proposal.limited, trial.proposal.tried]
+        steps = [trial.proposal.proposed, trial.proposal.shortened, trial.proposal.tried]
         lengths = [np.linalg.norm(step, axis=1) for step in steps]
         assert (lengths[1] <= lengths[0] * (1 + 1e-12)).all()
-        assert (lengths[3] <= lengths[2] * (1 + 1e-12)).all()
+        assert (lengths[2] <= lengths[1] * (1 + 1e-12)).all()
         moved = (record.after != record.before).any(axis=1)
-        assert np.allclose((record.before + steps[3])[moved], record.after[moved], rtol=0, atol=0)
+        assert np.allclose((record.before + steps[2])[moved], record.after[moved], rtol=0, atol=0)
 
 
 def test_a_vertex_of_another_block_is_tried_as_if_its_turn_came():

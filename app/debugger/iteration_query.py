@@ -33,8 +33,8 @@ class VertexStep:
         hessians: by term, (3, 3) float each, energy / world unit^2, the photos first.
         of_face: (3, 3) float: part of the face in that of the photos.
         alone: (3,) float: the step with all other vertices fixed, world units.
-        steps: (4, 3) float: proposed, then after each limit, the last one tried, world units.
-        steps_px: (4,) float: their lengths in the photo where they are longest, px.
+        steps: (3, 3) float: proposed, then after each limit, the last one tried, world units.
+        steps_px: (3,) float: their lengths in the photo where they are longest, px.
         alone_px: the same for `alone`.
         ring_energy: of the faces around the vertex, before and after the step; equal if it is rejected.
     """
@@ -100,7 +100,7 @@ def _vertex_step(session: Session, trial: Trial, question: IterationQuery, momen
     hessians |= {term.name: term.hessians(vertices)[vertex] for term in trial.sweep.terms}
     whole = np.sum(list(hessians.values()), axis=0)
     alone = solve_vertices(whole[None], proposal.gradients[[slot]], proposal.damping[[slot]])[0]
-    steps = np.array([each[slot] for each in (proposal.proposed, proposal.shortened, proposal.limited, proposal.tried)])
+    steps = np.array([each[slot] for each in (proposal.proposed, proposal.shortened, proposal.tried)])
 
     def longest_px(step: np.ndarray) -> float:
         every = np.zeros((len(session.scene.mesh.vertices), 3))

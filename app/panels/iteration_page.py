@@ -23,7 +23,7 @@ from fairing.options import FairingOptions
 from fairing.scene import Scene
 from fairing.trace import StepReason
 
-LIMITS = ("proposed", "longest step", "distance from the origin", "no folded face")
+LIMITS = ("proposed", "longest step", "no folded face")
 PICTURES: dict[str, tuple[str, ...]] = {
     "warp": ("photo",),
     "eigenspace": ("photo", "reconstruction"),

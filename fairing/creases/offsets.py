@@ -14,7 +14,6 @@ from fairing.camera import Camera
 from fairing.creases.edges import Creases
 from fairing.geometry.rasterize import rasterize_inverse
 
-SPACING = 1.5  # px between samples along a crease; also how far they may lie behind the surface, see `_samples_along`
 SEGMENT = 14.0  # px; creases of half of it, and segments of which half is visible, are measured
 STEP = 0.5  # px between samples of a profile; its derivative is the difference of the neighbours
 FULL_SIGNIFICANCE = 15.0  # of a peak, in units of its noise: its place is ever more certain up to it (ledger: weight of peaks)
@@ -67,7 +66,7 @@ def measure_offsets(
     farthest = cv2.erode(inverse_depth.astype(np.float32), np.ones((3, 3)))
     projected = _Projected(camera, vertices, uv, depth)
     places = _places(reach)
-    batch = np.cumsum(_sample_counts(length[seen])) // 28_000  # OpenCV maps at most 32,767 rows
+    batch = np.cumsum(length[seen].astype(int)) // 28_000  # OpenCV maps at most 32,767 rows
     batches = np.array_split(seen, np.flatnonzero(np.diff(batch)) + 1)
     parts = []
     for ids in batches:
@@ -110,13 +109,8 @@ class _Samples(NamedTuple):
     sizes: np.ndarray
 
 
-def _sample_counts(length: np.ndarray) -> np.ndarray:
-    """(c,) int: samples on creases of these lengths (c,) float, px."""
-    return (length / SPACING).astype(int)
-
-
 def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray, border: float) -> _Samples:
-    """Samples of creases with these ends (c, 2), where they are visible.
+    """Samples of creases with these ends (c, 2), one a px, where they are visible.
 
     Args:
         farthest: (height, width) float32: the least inverse depth of the surface around each pixel, 0 beside the surface.
@@ -125,10 +119,10 @@ def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray
     first, second = ends.T
     direction = projected.uv[second] - projected.uv[first]
     length = np.linalg.norm(direction, axis=1)
-    count = _sample_counts(length)
+    count = length.astype(int)
     row = np.repeat(np.arange(len(ends)), count)
     k = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    margin = np.minimum(2 * SPACING / length, 0.25)[row]  # left out at both ends, where other creases meet it
+    margin = np.minimum(2 / length, 0.25)[row]  # left out at both ends, where other creases meet it
     in_image = margin + (1 - 2 * margin) * (k + 0.5) / count[row]
     # Along the image of a line, inverse depth is linear.
     at_first, at_second = 1 / projected.depth[first][row], 1 / projected.depth[second][row]
@@ -140,8 +134,8 @@ def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray
     height, width = farthest.shape
     visible = np.all((pixels > border) & (pixels < [width - 1 - border, height - 1 - border]), axis=1)
     x, y = np.rint(pixels[visible]).astype(int).T
-    # Up to `SPACING` times the depth of one px, depth / focal length, behind the nearest surface.
-    tolerance = SPACING / np.linalg.norm(projected.camera.image_from_world[0, :3])
+    # Up to one px, depth / focal length, behind the nearest surface.
+    tolerance = 1 / np.linalg.norm(projected.camera.image_from_world[0, :3])
     visible[visible] = inverse[visible] > (1 - tolerance) * farthest[y, x]
     row, segment = row[visible], segment[visible]
     is_first = np.r_[True, (np.diff(row) != 0) | (np.diff(segment) != 0)][: len(row)]
@@ -165,14 +159,14 @@ def _measured(
     x, y = _places_across(pixels, across, places)
     profile = cv2.remap(image, x, y, cv2.INTER_LINEAR)
     contrast, variance = _slopes(profile, starts, sizes)
-    noise = np.sqrt(variance / np.maximum(1.0, sizes / 2)[:, None])  # residuals of neighbouring profiles agree
+    noise = np.sqrt(variance / np.maximum(1.0, sizes / 3)[:, None])  # residuals of neighbouring profiles agree
     offset, weight = _peaks(contrast, noise, places[1:-1])
     centre, own = np.add.reduceat(along, starts) / sizes, ids[row[starts]]
     first, second = projected.vertices[creases.ends[own]].transpose(1, 0, 2)
     J = projected.camera.J_image_wrt_point(first + centre[:, None] * (second - first))
     px_per_move = np.einsum("si,sij->sj", across[starts], J)
     weight *= np.where(creases.is_concave[own], CONCAVE_WEIGHT, 1.0)
-    kept = (sizes * SPACING >= SEGMENT / 2) & (weight > 0)
+    kept = (sizes >= SEGMENT / 2) & (weight > 0)
     return Offsets(own[kept], centre[kept], px_per_move[kept], offset[kept], weight[kept])
 
 

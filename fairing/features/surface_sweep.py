@@ -36,8 +36,6 @@ REACH = 2.0
 """Of the start error: displacements of the mesh along lines of sight; these meet most faces obliquely."""
 NOISE = 4.0
 """Grey levels^2: added to the variances of a window, so that those without texture do not correlate."""
-SPACING = 3
-"""px between the points of a photo."""
 POINTS_PER_FACE = 50
 """Of all photos, at most; evenly left out beyond."""
 SIGMA = 0.4
@@ -180,7 +178,8 @@ class SurfaceSweep:
         The depth of another photo must agree within a step.
         """
         camera, (inverse, step, face) = photos[number].camera, depths[number]
-        row, column = np.mgrid[SPACING // 2 : camera.height : SPACING, SPACING // 2 : camera.width : SPACING]
+        spacing = HALF_WINDOW + 1  # px: the centre of a window belongs to no neighbour's
+        row, column = np.mgrid[spacing // 2 : camera.height : spacing, spacing // 2 : camera.width : spacing]
         row, column = row[inverse[row, column] > 0], column[inverse[row, column] > 0]
         at = inverse[row, column]
         rays = np.column_stack([column, row, np.ones(len(row))]) @ np.linalg.inv(camera.image_from_world[:, :3]).T

@@ -43,7 +43,6 @@ class Proposal(NamedTuple):
         rejections: (u,) int: consecutive ones so far.
         proposed: (u, 3) float: the solution, world units.
         shortened: (u, 3) float: shortened to the longest step in a photo.
-        limited: (u, 3) float: further shortened to the longest distance from the origin of each vertex.
         tried: (u, 3) float: further shortened until no face folds; the step that is accepted or rejected.
         folds: (u,) bool: whether a face would have folded.
     """
@@ -56,7 +55,6 @@ class Proposal(NamedTuple):
     rejections: np.ndarray
     proposed: np.ndarray
     shortened: np.ndarray
-    limited: np.ndarray
     tried: np.ndarray
     folds: np.ndarray
 
@@ -96,9 +94,8 @@ def propose(
         proposed = solve_vertices(own, g[ids], damping)
         proposed[rejections > options.max_rejections] = 0
     shortened = problem.shortened(sweep.context, vertices, ids, proposed)
-    limited = _limited(sweep, vertices, ids, shortened)
-    tried, folds = problem.unfolded(vertices, ids, limited)
-    return Proposal(system, terms, H[ids], g[ids], damping, rejections, proposed, shortened, limited, tried, folds)
+    tried, folds = problem.unfolded(vertices, ids, shortened)
+    return Proposal(system, terms, H[ids], g[ids], damping, rejections, proposed, shortened, tried, folds)
 
 
 def judge(
@@ -179,22 +176,6 @@ def damping_and_rejections(
     if previous is not None:
         return previous.damping_next, previous.rejections
     return np.full(len(ids), _usual_damping(options)), np.zeros(len(ids), dtype=np.int64)
-
-
-def _limited(sweep: SweepState, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Steps (u, 3) after which no vertex is farther from its origin than the stage allows, or than it was before.
-
-    A vertex farther away than points measured the start to be off has diverged.
-    """
-    if not np.isfinite(sweep.stage.max_displacement):
-        return steps
-    origin = sweep.origin[ids]
-    offset = vertices[ids] + steps - origin
-    allowed = sweep.stage.max_displacement / np.maximum(sweep.pixels_per_unit[ids], 1e-300)
-    farthest = np.maximum(allowed, np.linalg.norm(vertices[ids] - origin, axis=1))
-    length = np.linalg.norm(offset, axis=1)
-    limited = origin + offset * (farthest / np.where(length > 0, length, 1))[:, None] - vertices[ids]
-    return np.where((length > farthest)[:, None], limited, steps)
 
 
 def _objective(terms: list[Term], block: Block, system: FaceSystem, vertices: np.ndarray) -> np.ndarray:

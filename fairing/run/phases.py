@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from fairing.options import FINE_BLUR, FairingOptions
 from fairing.run.own_plan import by_level, stages_of_level
 from fairing.run.stages import Judge, Photos, Smoothing, Stage, fit_stages, numbered
@@ -12,7 +10,6 @@ from fairing.run_plan import RunPlan
 from fairing.trace import SchedulePosition
 
 MOST_SWEEPS = 50  # of photos at a level, for the numbers of the sweeps after them
-MAX_DISPLACEMENT = 1.3  # in units of the start's measured error (ledger: bounded displacement)
 
 
 @dataclass(frozen=True)
@@ -196,7 +193,6 @@ def _stages(options: FairingOptions, plan: RunPlan, number: int) -> tuple[Stage,
         max_sweeps=at.max_sweeps,
         max_iterations=at.max_iterations,
         tolerance=schedule.sweep_tolerance * at.blur,
-        max_displacement=MAX_DISPLACEMENT * plan.start_sigma or np.inf,
     )
     first_after = max(MOST_SWEEPS, *(each.max_sweeps for each in options.levels))
     if plan.stages:

@@ -7,8 +7,6 @@ iterations solve with these. Every iteration is one recorded step.
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import numpy as np
-
 from fairing.stage_kind import StageKind
 from fairing.terms.points import GATES, NEAR_GATES
 
@@ -44,12 +42,10 @@ class Photos(Stage):
 
     Attributes:
         tolerance: the stage ends after a sweep that moves no vertex by as much as this, px.
-        max_displacement: largest distance of a vertex from its origin, px; infinite if nothing tells how far off they are.
     """
 
     kind: StageKind = StageKind.PHOTOS
     tolerance: float = 0.0
-    max_displacement: float = np.inf
 
 
 @dataclass(frozen=True)
