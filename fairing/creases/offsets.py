@@ -16,7 +16,7 @@ from fairing.geometry.rasterize import rasterize_inverse
 
 SEGMENT = 14.0  # px; creases of half of it, and segments of which half is visible, are measured
 STEP = 0.5  # px between samples of a profile; its derivative is the difference of the neighbours
-FULL_SIGNIFICANCE = 15.0  # of a peak, in units of its noise: its place is ever more certain up to it (ledger: weight of peaks)
+MIN_SIGNIFICANCE = 3.0  # of a peak, in units of its noise; five times as much has full weight (ledger: weights of peaks)
 CONCAVE_WEIGHT = 0.3  # concave creases have contact shadows and reflections beside them (ledger: creases)
 
 
@@ -227,8 +227,10 @@ def _peaks(contrast: np.ndarray, noise: np.ndarray, places: np.ndarray) -> tuple
     for neighbour in (-1, 0, 1):
         others[rows, best + neighbour] = 0
     uniqueness = np.clip(1 - others.max(axis=1) / np.maximum(top, 1e-300), 0, 1)  # 0: another one equals it
-    # The variance of a place is as 1 / significance^2.
-    weight = np.where(score[rows, best] > 0, np.minimum(significance / FULL_SIGNIFICANCE, 1) ** 2 * uniqueness, 0.0)
+    counts = (score[rows, best] > 0) & (significance > MIN_SIGNIFICANCE)
+    # The variance of a place falls as 1 / significance^2.
+    certainty = np.minimum(significance / (5 * MIN_SIGNIFICANCE), 1) ** 2
+    weight = np.where(counts, certainty * uniqueness, 0.0)
     return places[best] + STEP * shift, weight
 
 
