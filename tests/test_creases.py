@@ -152,6 +152,21 @@ def test_a_concave_crease_counts_less(views: list[View]):
     assert concave.weight == pytest.approx(CONCAVE_WEIGHT * found.weight)
 
 
+def test_offsets_in_noise_weigh_as_the_reciprocal_of_their_variance(views: list[View]):
+    """The variance over many draws of the noise."""
+    photo, creases = views[0].photo.load().astype(np.float32), find_creases(ROOF, ROOF_FACES, 1)
+    products = []
+    for noise in (40, 60):
+        found = []
+        for seed in range(30):
+            noisy = photo + noise * np.random.default_rng(seed).standard_normal(photo.shape, dtype=np.float32)
+            found.append(measure_offsets(noisy, views[0].camera, ROOF, ROOF_FACES, creases, 2.0))
+        offset, weight = (np.concatenate([getattr(each, name) for each in found]) for name in ("offset", "weight"))
+        assert weight.mean() < 0.8
+        products.append(weight.mean() * np.median(np.abs(offset)) ** 2)
+    assert products[0] == pytest.approx(products[1], rel=0.25)  # 1.6 times as much if weights fell as the error itself
+
+
 def test_the_term_is_that_of_the_offsets_of_all_photos(views: list[View]):
     """A move across the crease by a pixel changes the residual by a pixel where the whole crease makes it."""
     moved = ROOF.copy()

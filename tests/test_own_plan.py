@@ -17,6 +17,7 @@ from fairing.run.session import Session
 from fairing.run_plan import PlanStage, RunPlan
 from fairing.stage_kind import StageKind
 from fairing.trace import Trace
+from tests.prior_to_start import origin_of
 from tests.rough_scene import rough_options, rough_scene
 from tests.small_building import small_building
 from tests.small_scene import corner_scene, small_options
@@ -99,7 +100,7 @@ def test_smoothing_comes_wherever_the_plan_has_it_and_without_a_judge_it_stays()
     assert session.progress == 1.0
     begin = kinds[0][1] + 2
     sweep = session.sweep_state(begin)
-    assert np.array_equal(sweep.origin, session.trace.vertices_at(begin)), "the prior is to the smoothed vertices"
+    assert np.array_equal(origin_of(sweep), session.trace.vertices_at(begin)), "the prior is to the smoothed vertices"
     alone = fairing.fair(rough_scene(), options, plan=[PlanStage("smoothing")])
     assert stages_of(alone) == [(StageKind.SMOOTHNESS, 5)]
     assert (alone.vertices != alone.trace.start).any()

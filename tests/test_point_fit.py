@@ -27,6 +27,7 @@ from fairing.stage_kind import StageKind
 from fairing.terms.closest_points import closest_points
 from fairing.trace import StepReason, Trace
 from tests.fit_of_points import closest_fit
+from tests.prior_to_start import origin_of
 from tests.small_scene import (
     FACES,
     START,
@@ -141,8 +142,7 @@ def test_a_run_begins_at_the_points_where_the_photos_agree():
     verdict = session.trace.steps[fitted]
     assert not (verdict.reasons == StepReason.REJECTED_FIT).any()
     assert verdict.objective_after < verdict.objective_before
-    first = session.sweep_state(fitted + 1)
-    assert np.array_equal(first.origin, session.trace.vertices_at(fitted + 1))
+    assert np.array_equal(origin_of(session.sweep_state(fitted + 1)), session.trace.vertices_at(fitted + 1))
     assert not any(kind.is_fit for kind in kinds[fitted:])
     assert error_of(session.vertices) < 0.05 * error_of(session.trace.start)
 
@@ -209,7 +209,7 @@ def test_a_noisy_start_is_smoothed_before_it_is_fitted_to_the_points():
         order += [kind] if order[-1:] != [kind] else []
     assert order == [StageKind.SMOOTHNESS, StageKind.JUDGE, StageKind.CLOSEST_POINTS, StageKind.JUDGE]
     moment = len(session.trace) - 1
-    assert np.array_equal(session.sweep_state(moment).origin, session.trace.vertices_at(moment))
+    assert np.array_equal(origin_of(session.sweep_state(moment)), session.trace.vertices_at(moment))
 
 
 def test_a_mesh_far_from_all_points_stays():

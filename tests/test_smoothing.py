@@ -9,6 +9,7 @@ from fairing.run.session import Session
 from fairing.run.stages import PASSES
 from fairing.stage_kind import StageKind
 from fairing.trace import StepReason, Trace
+from tests.prior_to_start import origin_of
 from tests.small_scene import FACES, VERTICES, corner_scene, small_options
 
 SMOOTHING = {"smoothing": [0.1, 0.03, 0.01]}
@@ -73,7 +74,7 @@ def test_a_noisy_start_is_smoothed_first_and_the_photos_agree():
     verdict = steps[passes]
     assert not (verdict.reasons == StepReason.REJECTED_FIT).any()
     assert verdict.objective_after < 0.95 * verdict.objective_before
-    np.testing.assert_array_equal(session.sweep_state(passes + 1).origin, session.trace.vertices_at(passes + 1))
+    np.testing.assert_array_equal(origin_of(session.sweep_state(passes + 1)), session.trace.vertices_at(passes + 1))
     assert StageKind.SMOOTHNESS not in kinds[passes:]
     before, after = (np.linalg.norm(v[0] - VERTICES[0]) for v in (session.trace.start, session.vertices))
     assert after < 0.3 * before

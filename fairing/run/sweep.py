@@ -42,7 +42,6 @@ class SweepState:
         sigma: (m,) float: scale parameter of the robust loss by face, grey levels.
         scale: (m,) float: the value of the kernels for it, see `Norm.squared_scale`.
         terms: of the objective beside the photos.
-        origin: (n, 3) float: positions at the prepared start, or after the last manual edit of a vertex, world units.
         free: (n,) bool: vertices that are not locked and that enough photos see.
         blocks: in their order.
         pixels_per_unit: (n,) float: largest motion of a vertex in a photo, px per world unit; 0 where unseen.
@@ -57,7 +56,6 @@ class SweepState:
     sigma: np.ndarray
     scale: np.ndarray
     terms: tuple[Term, ...]
-    origin: np.ndarray
     free: np.ndarray
     blocks: list[Block]
     pixels_per_unit: np.ndarray
@@ -90,7 +88,7 @@ def begin_sweep(
         stage: the stage the sweep belongs to.
         moment: of the beginning.
         vertices: (n, 3) float: positions then, world units.
-        origin: (n, 3) float, see `SweepState`.
+        origin: (n, 3) float: positions at the prepared start, or after the last manual edit of a vertex, world units.
         near_points: see `SweepState`.
         number: of the sweep in its stage.
         own_terms: beside the built-in ones.
@@ -135,7 +133,6 @@ def begin_sweep(
         sigma,
         scale,
         tuple(terms),
-        origin,
         free,
         blocks,
         pixels,
