@@ -16,9 +16,8 @@ from fairing.geometry.rasterize import rasterize_inverse
 
 SEGMENT = 14.0  # px; creases of half of it, and segments of which half is visible, are measured
 STEP = 0.5  # px between samples of a profile; its derivative is the difference of the neighbours
-MIN_SIGNIFICANCE = (
-    3.0  # of a peak, in units of its noise; five times as much has full weight (ledger: weights of peaks)
-)
+# Of a peak, in units of its noise; five times as much has full weight (ledger: weights of peaks).
+MIN_SIGNIFICANCE = 3.0
 CONCAVE_WEIGHT = 0.3  # concave creases have contact shadows and reflections beside them (ledger: creases)
 
 
