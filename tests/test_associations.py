@@ -11,7 +11,7 @@ from app.page_state.page_state import ASSOCIATIONS, LAYERS, PageState
 from app.palette import AXIS_COLORS, LOCKED
 from app.panels.legend import association_lines
 from demo_scenes.building.scene import scene_of_plan
-from fairing.judge.associations import REJECTED, axis_edges, image_edges, point_feet, seen_faces
+from fairing.judge.associations import axis_edges, image_edges, point_feet, seen_faces
 from fairing.judge.inspect import face_cells
 from fairing.run.session import Session
 from fairing.terms.image_edges import SEARCHES
@@ -73,7 +73,9 @@ def test_lines_of_image_edges_lead_to_them_in_the_photo_and_rejected_ones_are_gr
     middles = camera.project(bars.mean(axis=1))[0]
     assert np.abs(middles - edges.edge_px).max() < 0.1
     grey = (colors == LOCKED).all(axis=1)
-    assert (grey == np.tile(edges.weights <= REJECTED, 2)).all()
+    assert (grey == np.tile(edges.rejected, 2)).all()
+    offset_px = np.linalg.norm(edges.edge_px - edges.crease_px, axis=1)
+    assert offset_px[~edges.rejected].max() < offset_px[edges.rejected].min()
 
 
 def test_edges_of_a_building_follow_its_axes_and_a_corner_without_a_frame_has_none():
@@ -106,10 +108,12 @@ def test_points_are_at_the_closest_point_of_their_face_and_far_ones_are_rejected
     is_far = np.abs(found.positions).max(axis=1) > 1.5
     assert is_far.any()
     assert (found.weights[is_far] == 0).all()
+    assert found.rejected[is_far].all()
     near = distance < np.median(distance[~is_far])
     assert (found.weights[near] == 1).all()
+    assert not found.rejected[near].any()
     lines, colors = point_lines(found)
-    assert ((colors == LOCKED).all(axis=1) == (found.weights <= REJECTED)).all()
+    assert ((colors == LOCKED).all(axis=1) == found.rejected).all()
     assert (lines[:, 0] == found.positions).all()
 
 
@@ -135,5 +139,5 @@ def test_associations_are_hidden_at_first_and_the_legend_counts_them():
     assert association_lines(nothing, None) == []
     edges, seen = image_edges(session, 1, 0), seen_faces(session, 1)
     names = [name for name, _ in association_lines(nothing | {"image edges": edges, "seen": seen}, 0)]
-    assert f"{int((edges.weights > REJECTED).sum())} image edges" in names
+    assert f"{int((~edges.rejected).sum())} image edges" in names
     assert f"{int(seen[:, 0].sum())} faces seen by this photo" in names

@@ -11,7 +11,7 @@ from app.pictures.term_colors import COLOR_OF_TERM
 from app.stage import Stage
 from app.viser_bridge.line_node import LineNode
 from fairing.camera import Camera
-from fairing.judge.associations import REJECTED, AxisEdges, ImageEdges, PointFeet
+from fairing.judge.associations import AxisEdges, ImageEdges, PointFeet
 from fairing.mesh import Mesh
 from fairing.scene import Scene
 from fairing.terms.names import IMAGE_EDGES, POINTS
@@ -24,7 +24,7 @@ Lines = tuple[np.ndarray, np.ndarray]
 
 def point_lines(found: PointFeet) -> Lines:
     """From each point to its face; grey where the loss rejects the point."""
-    return np.stack([found.positions, found.feet], axis=1), _colored(found.weights > REJECTED, COLOR_OF_TERM[POINTS])
+    return np.stack([found.positions, found.feet], axis=1), _colored(~found.rejected, COLOR_OF_TERM[POINTS])
 
 
 def axis_lines(found: AxisEdges, vertices: np.ndarray) -> Lines:
@@ -51,7 +51,7 @@ def edge_lines(found: ImageEdges, camera: Camera, vertices: np.ndarray) -> Lines
     half = 0.5 * BAR * along / np.maximum(length_px, 1e-300)
     tips = found.places + moves
     lines = np.concatenate([np.stack([found.places, tips], 1), np.stack([tips - half, tips + half], 1)])
-    return lines, np.tile(_colored(found.weights > REJECTED, COLOR_OF_TERM[IMAGE_EDGES]), (2, 1))
+    return lines, np.tile(_colored(~found.rejected, COLOR_OF_TERM[IMAGE_EDGES]), (2, 1))
 
 
 def _colored(is_held: np.ndarray, color: RGB) -> np.ndarray:

@@ -16,7 +16,6 @@ from app.palette import AXIS_COLORS, LOCKED, NOW, REFERENCE, RGB, SEEN, SELECTED
 from app.pictures.coloring import COLORINGS, HUES, PER_PIXEL, UNKNOWN, ZERO, Legend, Scale, color_map
 from app.pictures.term_colors import COLOR_OF_TERM, colors_of_terms
 from app.viser_bridge.view_overlay import ViewOverlay
-from fairing.judge.associations import REJECTED
 from fairing.mesh import Mesh
 from fairing.terms.names import IMAGE_EDGES, POINTS
 
@@ -72,7 +71,7 @@ def association_lines(found: dict[str, Any], entered: int | None) -> list[tuple[
     rejects = False
     for layer, name, term in (("point feet", "points that pull", POINTS), ("image edges", "image edges", IMAGE_EDGES)):
         if found[layer] is not None:
-            held = found[layer].weights > REJECTED
+            held = ~found[layer].rejected
             lines.append((f"{int(held.sum())} {name}", COLOR_OF_TERM[term]))
             rejects |= not held.all()
     if rejects:

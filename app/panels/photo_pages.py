@@ -21,7 +21,7 @@ from app.pictures.term_colors import COLOR_OF_TERM
 from app.query_cache import QueryCache
 from fairing.camera import Camera
 from fairing.errors import Cancelled
-from fairing.judge.associations import REJECTED, ImageEdges, image_edges
+from fairing.judge.associations import ImageEdges, image_edges
 from fairing.run.session import Session
 from fairing.scene import Scene
 from fairing.terms.names import IMAGE_EDGES
@@ -273,14 +273,14 @@ def _edge_marks(found: ImageEdges | None, window: Window) -> str:
         return ""
     crease, edge = window.place(found.crease_px), window.place(found.edge_px)
     along = 0.5 * BAR * found.along_px
-    parts = {True: "", False: ""}
-    for a, b, half, weight in zip(crease, edge, along, found.weights, strict=True):
+    parts = {False: "", True: ""}
+    for a, b, half, rejected in zip(crease, edge, along, found.rejected, strict=True):
         (x0, y0), (x1, y1) = b - half, b + half
-        parts[bool(weight > REJECTED)] += (
-            f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}"
-        )
-    colors = {True: solid(COLOR_OF_TERM[IMAGE_EDGES]), False: css(LOCKED)}
-    return "".join(f'<path d="{d}" stroke="{colors[held]}" style="stroke-width:2"/>' for held, d in parts.items() if d)
+        parts[bool(rejected)] += f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}"
+    colors = {False: solid(COLOR_OF_TERM[IMAGE_EDGES]), True: css(LOCKED)}
+    return "".join(
+        f'<path d="{d}" stroke="{colors[rejected]}" style="stroke-width:2"/>' for rejected, d in parts.items() if d
+    )
 
 
 def chosen_pair(views: list[int], wanted: tuple[int | None, int | None]) -> tuple[int, int]:

@@ -17,7 +17,7 @@ from fairing.terms.axes import relations
 from fairing.terms.closest_points import feet_of
 from fairing.terms.image_edges import offsets_in
 
-REJECTED = 0.1  # associations whose weight is below this part of the full one hardly pull
+REJECTED = 0.1  # part of the full weight: the loss rejects what it gives less
 SAME_AXIS = 0.999  # cosine: directions within it of each other are one axis
 
 
@@ -32,7 +32,8 @@ class ImageEdges:
         crease_px: (s, 2) float: the same in the photo, px.
         edge_px: (s, 2) float: the strongest edge nearby, across the crease, px.
         along_px: (s, 2) float: unit vector along the crease in the photo.
-        weights: (s,) float, 0 to 1: with the robust loss of the offset.
+        weights: (s,) float, 0 to 1: certainty of the edge times the weight of the robust loss.
+        rejected: (s,) bool: whether the loss rejects the offset.
     """
 
     view: int
@@ -42,10 +43,11 @@ class ImageEdges:
     edge_px: np.ndarray
     along_px: np.ndarray
     weights: np.ndarray
+    rejected: np.ndarray
 
     def of(self, segments: np.ndarray) -> "ImageEdges":
         """Those of a mask (s,) bool of segments."""
-        arrays = (self.crease, self.places, self.crease_px, self.edge_px, self.along_px, self.weights)
+        arrays = (self.crease, self.places, self.crease_px, self.edge_px, self.along_px, self.weights, self.rejected)
         return ImageEdges(self.view, *(values[segments] for values in arrays))
 
 
@@ -73,12 +75,14 @@ class PointFeet:
         feet: (q, 3) float: on the surface, world units.
         faces: (q,) int: the faces of the feet.
         weights: (q,) float, 0 to 1: weight of the robust loss; 0 for points that are too far from their face.
+        rejected: (q,) bool: whether the loss rejects the point, or it is too far.
     """
 
     positions: np.ndarray
     feet: np.ndarray
     faces: np.ndarray
     weights: np.ndarray
+    rejected: np.ndarray
 
 
 def seen_faces(session: Session, moment: int) -> np.ndarray:
@@ -113,8 +117,9 @@ def image_edges(session: Session, moment: int, view: int) -> ImageEdges:
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
     across = np.column_stack([-along[:, 1], along[:, 0]])
     crease_px = camera.project(places)[0]
-    weights = found.weight * GemanMcClure(scale).weight(found.offset)
-    return ImageEdges(view, ends, places, crease_px, crease_px + found.offset[:, None] * across, along, weights)
+    edge_px = crease_px + found.offset[:, None] * across
+    weights = GemanMcClure(scale).weight(found.offset)
+    return ImageEdges(view, ends, places, crease_px, edge_px, along, found.weight * weights, weights < REJECTED)
 
 
 def axis_edges(session: Session, moment: int) -> AxisEdges:
@@ -148,9 +153,10 @@ def point_feet(session: Session, moment: int) -> PointFeet:
     if len(observed):
         near = session.sweep_state(moment).near_points
     elif scene.sparse_points is None:
-        return PointFeet(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=int), np.zeros(0))
+        nothing = np.zeros(0)
+        return PointFeet(np.zeros((0, 3)), np.zeros((0, 3)), nothing.astype(int), nothing, nothing.astype(bool))
     positions = points_on_mesh(scene, observed, vertices, near)
     feet = feet_of(scene.mesh.moved(vertices), positions, vertices)
     distance = np.linalg.norm(positions - feet.places, axis=1)
     weights = np.where(feet.belong, Huber(feet.scale).weight(distance), 0.0)
-    return PointFeet(positions, feet.places, feet.faces, weights)
+    return PointFeet(positions, feet.places, feet.faces, weights, weights < REJECTED)
