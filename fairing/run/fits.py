@@ -22,9 +22,8 @@ from fairing.trace import SchedulePosition, Trace
 
 # A start is far off if a fit to the sparse points moves this part of its vertices that far (ledger: surface sweep: which starts).
 FAR_PART, FAR_PX = 0.25, 0.9
-FAR_ERROR = (
-    3.0  # px: Gauss-Newton reaches that far at coarse levels alone (ledger: level after a fit, one surface sweep)
-)
+# px: Gauss-Newton reaches that far at coarse levels alone (ledger: level after a fit, one surface sweep).
+FAR_ERROR = 3.0
 
 
 def measured_start_error(problem: Problem, start: np.ndarray) -> float:
