@@ -140,6 +140,7 @@ def interrupt_after(steps: int, monkeypatch) -> None:
     monkeypatch.setattr(headless.RunProgress, "show", show_and_interrupt)
 
 
+@pytest.mark.slow
 def test_ctrl_c_saves_everything_and_resume_ends_where_an_unbroken_run_ends(scene, tmp_path, monkeypatch):
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     assert fair(scene, whole) == 0
@@ -157,6 +158,7 @@ def test_ctrl_c_saves_everything_and_resume_ends_where_an_unbroken_run_ends(scen
     assert (broken / "run.trace").read_bytes() == (whole / "run.trace").read_bytes()
 
 
+@pytest.mark.slow
 def test_ctrl_c_within_a_step_drops_that_step_alone(scene, tmp_path, monkeypatch):
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     assert fair(scene, whole, *FIRST) == 0

@@ -78,6 +78,7 @@ def test_a_drawing_shows_the_texture_where_rays_meet_the_mesh():
     assert (drawn[(weights < -0.05).any(axis=-1)] == (1, 2, 3)).all()
 
 
+@pytest.mark.slow
 def test_the_picture_shows_the_mesh_before_and_after(recorded, facts, tmp_path):
     out = tmp_path / "picture.png"
     assert run(["export", str(recorded), "--out", str(out)]) == 0

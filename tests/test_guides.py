@@ -125,6 +125,7 @@ def test_the_readme_s_figures_are_those_of_the_table():
         assert short == [whole[0], whole[2], whole[4]]
 
 
+@pytest.mark.slow
 def test_the_site_has_every_guide_and_names_everything_public(site):
     for guide in GUIDES.values():
         page = (site / "guides" / f"{guide.name}.html").read_text()
@@ -176,6 +177,7 @@ def test_a_folder_of_somebody_else_is_refused_with_one_line(tmp_path, capsys):
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_site(tmp_path, capsys):
     assert run(["docs", "--out", str(tmp_path / "site")]) == 0
     assert (tmp_path / "site" / "guides" / "method.html").is_file()

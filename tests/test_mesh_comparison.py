@@ -51,6 +51,7 @@ def figures(scene: Scene, truth: Mesh) -> list[MeshFigures]:
     )
 
 
+@pytest.mark.slow
 def test_the_better_mesh_is_better_by_every_figure(figures: list[MeshFigures]):
     start, best, divided = figures
     assert best.residual < 0.2 * start.residual
@@ -63,6 +64,7 @@ def test_the_better_mesh_is_better_by_every_figure(figures: list[MeshFigures]):
     assert start.held_out.values.max() > 1e-3
 
 
+@pytest.mark.slow
 def test_predictions_are_those_of_leave_one_out_and_other_faces_change_little(
     scene: Scene, truth: Mesh, figures: list[MeshFigures]
 ):

@@ -102,6 +102,7 @@ def test_a_moved_mesh_is_found_where_it_belongs(axis: int, share: float):
     np.testing.assert_allclose(placement.better.shift, -shift, atol=0.01 * scene.mesh.diagonal)
 
 
+@pytest.mark.slow
 def test_a_mesh_far_from_all_points_is_found_where_it_belongs():
     scene = scene_with_points()
     shift = np.array([500_000.0, 4_650_000.0, 80.0])
@@ -131,6 +132,7 @@ def test_a_rough_start_is_confirmed(error: float):
     assert placement.support.near > 0.8 * placement.support.judged
 
 
+@pytest.mark.slow
 def test_a_start_that_is_off_as_a_whole_by_less_than_a_tenth_is_confirmed():
     """The fit to the points reaches that far."""
     scene = scene_with_points((0, 0, 0))
@@ -139,6 +141,7 @@ def test_a_start_that_is_off_as_a_whole_by_less_than_a_tenth_is_confirmed():
         assert judge_placement(with_mesh(scene, scene.mesh.vertices + shift)).verdict == "confirmed"
 
 
+@pytest.mark.slow
 def test_a_mesh_of_a_part_of_the_scene_is_confirmed():
     scene = scene_with_points()
     for face in range(len(scene.mesh.faces)):
@@ -188,6 +191,7 @@ def test_without_enough_observed_points_nothing_is_judged():
     assert judge_placement(observed(scene, far[:10])).verdict == "unknown"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-6, 1e-3, 1e3, 1e6])
 def test_the_judgement_does_not_depend_on_the_unit_of_the_world(scale: float):
     shift = scale * np.array(SHIFT)
@@ -205,6 +209,7 @@ def test_the_judgement_does_not_depend_on_the_unit_of_the_world(scale: float):
         np.testing.assert_allclose(found.support, same.support, atol=3)
 
 
+@pytest.mark.slow
 def test_a_run_refuses_a_mesh_that_lies_elsewhere():
     scene = scene_with_points()
     session = Session(with_mesh(scene, scene.mesh.vertices @ FRAMES["y and z negated"]), small_options())

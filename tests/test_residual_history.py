@@ -38,6 +38,7 @@ def history(controller: Controller) -> Iterator[ResidualHistory]:
     history.close()
 
 
+@pytest.mark.slow
 def test_every_moment_of_a_short_run_is_measured_once_it_pauses(controller: Controller, history: ResidualHistory):
     controller.post(Run())
     state = controller.wait_until_idle()
@@ -51,6 +52,7 @@ def test_every_moment_of_a_short_run_is_measured_once_it_pauses(controller: Cont
     assert history.of(state).line(ring).values[0] == measure.measure(state.trace.start).of_faces(ring)
 
 
+@pytest.mark.slow
 def test_the_start_the_present_and_the_ends_of_stages_come_first(controller: Controller, history: ResidualHistory):
     controller.post(Run())
     controller.wait_until_idle()
@@ -62,6 +64,7 @@ def test_the_start_the_present_and_the_ends_of_stages_come_first(controller: Con
     assert set(order[: len(first)]) == first
 
 
+@pytest.mark.slow
 def test_a_branch_begins_with_what_is_known_of_its_parent(controller: Controller, history: ResidualHistory):
     controller.post(Forward(Extent.LEVEL))
     state = controller.wait_until_idle()

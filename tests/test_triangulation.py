@@ -92,6 +92,7 @@ def terrain_scene() -> Scene:
     return Scene.build("terrain", vertices, faces, views)
 
 
+@pytest.mark.slow
 def test_energy_never_rises_and_no_fold_is_made(terrain_scene):
     flipper = EdgeFlipper(terrain_scene)
     summary = flipper.run()
