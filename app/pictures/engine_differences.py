@@ -47,8 +47,8 @@ def difference_at(part: str, options: FairingOptions, facts: IterationFacts) -> 
     if part == "limit":
         longest = options.step.max_step * max(1.0, options.levels[level].blur)
         return (
-            f"The paper gives no limit; here a step moves no vertex farther than {longest:.3g} px in a photo and folds no "
-            "face."
+            "The paper itself gives no limit; the engine and paper.py do. Here a step moves no vertex farther than "
+            f"{longest:.3g} px in a photo and folds no face."
         )
     if step is not None and step.trial.block.coupled:
         return (
