@@ -75,14 +75,17 @@ class PointFeet:
         feet: (q, 3) float: on the surface, world units.
         faces: (q,) int: the faces of the feet.
         weights: (q,) float, 0 to 1: weight of the robust loss; 0 for points that are too far from their face.
-        rejected: (q,) bool: whether the loss rejects the point, or it is too far.
     """
 
     positions: np.ndarray
     feet: np.ndarray
     faces: np.ndarray
     weights: np.ndarray
-    rejected: np.ndarray
+
+    @property
+    def rejected(self) -> np.ndarray:
+        """(q,) bool: whether the loss rejects the point, or it is too far."""
+        return self.weights < REJECTED
 
 
 def seen_faces(session: Session, moment: int) -> np.ndarray:
@@ -153,10 +156,9 @@ def point_feet(session: Session, moment: int) -> PointFeet:
     if len(observed):
         near = session.sweep_state(moment).near_points
     elif scene.sparse_points is None:
-        nothing = np.zeros(0)
-        return PointFeet(np.zeros((0, 3)), np.zeros((0, 3)), nothing.astype(int), nothing, nothing.astype(bool))
+        return PointFeet(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=int), np.zeros(0))
     positions = points_on_mesh(scene, observed, vertices, near)
     feet = feet_of(scene.mesh.moved(vertices), positions, vertices)
     distance = np.linalg.norm(positions - feet.places, axis=1)
     weights = np.where(feet.belong, Huber(feet.scale).weight(distance), 0.0)
-    return PointFeet(positions, feet.places, feet.faces, weights, weights < REJECTED)
+    return PointFeet(positions, feet.places, feet.faces, weights)
